@@ -7,6 +7,7 @@ mod colours;
 mod data;
 mod deformation;
 mod page;
+mod plain;
 mod segmentation;
 mod summary;
 
@@ -21,7 +22,7 @@ pub(crate) use page::html;
 pub(crate) use summary::input;
 
 /// Raised whenever the same data gives another page.
-pub(crate) const REVISION: u32 = 9;
+pub(crate) const REVISION: u32 = 10;
 
 /// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {

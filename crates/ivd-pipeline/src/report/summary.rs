@@ -13,7 +13,7 @@ use ivd_report::html::{escape, number};
 use ivd_report::{Cell, Figure, figures, pairs, shown, table};
 use serde_json::Value as Json;
 
-use super::asked;
+use super::{asked, plain};
 use crate::scene::{Loaded, Scene};
 use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
@@ -88,10 +88,16 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
             ),
         ));
     }
-    for (name, stage) in [("solver", &deform::STAGE), ("map", &ivd_map::STAGE)] {
-        if records.iter().any(|record| record.stage == stage.name && record.output.is_some()) {
-            rows.push((name, method(scene, stage)));
-        }
+    let has_run = |stage: &ivd_core::op::Stage| {
+        records.iter().any(|record| record.stage == stage.name && record.output.is_some())
+    };
+    if has_run(&deform::STAGE) {
+        let method = method(scene, &deform::STAGE);
+        rows.push(("solver", plain::with(&method, plain::solver(&method))));
+    }
+    if has_run(&ivd_map::STAGE) {
+        let method = method(scene, &ivd_map::STAGE);
+        rows.push(("map", plain::with(&method, plain::map(&method))));
     }
     Ok(rows)
 }
@@ -207,8 +213,9 @@ fn outcome(
     if let Some(space) = space {
         rows.extend([
             Figure::new("voxels moved, in the end", "space.voxels_moved", space.voxels_moved),
-            Figure::new("smallest det J, certified", "space.min_det_j", space.min_det_j),
-            Figure::new("folds", "space.folds", space.folds),
+            Figure::new("smallest det J, certified", "space.min_det_j", space.min_det_j)
+                .meaning(plain::smallest_det_j(space.min_det_j, None)),
+            Figure::new("folds", "space.folds", space.folds).meaning(plain::folds(space.folds)),
         ]);
     }
     rows
@@ -293,8 +300,24 @@ fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
     ];
     let voxels = last(Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved));
     let proof = [
-        Figure::new("smallest det J, certified", "map.min_det_j", map.min_det_j),
-        Figure::new("folds", "map.folds", map.folds),
+        Figure::new("smallest det J, certified", "map.min_det_j", map.min_det_j)
+            .meaning(plain::smallest_det_j(map.min_det_j, map.squeezed.map(|squeezed| squeezed.voxels))),
+        Figure::new(
+            "space squeezed to less than a tenth [voxels]",
+            "map.squeezed.voxels",
+            map.squeezed.map(|squeezed| squeezed.voxels),
+        ),
+        Figure::new(
+            "the same [mm³]",
+            "map.squeezed.volume_mm3",
+            map.squeezed.map(|squeezed| squeezed.volume_mm3),
+        ),
+        Figure::new(
+            "its share of what moves",
+            "map.squeezed.share",
+            map.squeezed.map(|squeezed| squeezed.share),
+        ),
+        Figure::new("folds", "map.folds", map.folds).meaning(plain::folds(map.folds)),
     ];
     voxels.into_iter().chain(always).chain(proof.into_iter().filter_map(last)).collect()
 }
@@ -330,8 +353,29 @@ fn told(records: &[StageRecord]) -> Result<Vec<(String, String)>, Error> {
     let remarks = records.iter().filter_map(|record| Some((record.stage.clone(), record.remark.clone()?)));
     let mut told: Vec<(String, String)> = remarks.collect();
     let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
-    let specks = refined.filter(|found| found.last.reached.stopped_by == StopReason::Specks);
-    let find = |told: &[(String, String)], name: &str| told.iter().position(|(stage, _)| stage == name);
+    // A corner of a voxel that is squeezed hides nothing.
+    let is_plain = map.is_some_and(MapFigures::is_plain);
+    told.iter_mut()
+        .filter(|told| is_plain && told.about == ivd_map::STAGE.name)
+        .for_each(|told| told.warns = false);
+    // As coarse as it gets within an error that is kept: what was asked for.
+    let is_kept = refined.as_ref().is_some_and(|found| found.within_mm.is_some());
+    told.iter_mut()
+        .filter(|told| is_kept && told.about == refine::STAGE.name)
+        .for_each(|told| told.warns = false);
+    let stopped = refined.filter(|found| found.last.reached.stopped_by == StopReason::Specks);
+    let find = |told: &[Told], name: &str| told.iter().position(|told| told.about == name);
+    let in_cut = find(&told, extract::STAGE.name).filter(|_| cut.is_some_and(|cut| cut.vertices > 0));
+    let in_refined = find(&told, refine::STAGE.name).filter(|_| stopped.is_some());
+    let Some(first) = in_cut.or(in_refined) else { return Ok(told) };
+    let (apart, warns) = match specks_moved {
+        Some(0) => ("; none of them lies where something moves", false),
+        Some(1) => ("; one of them lies where something moves", true),
+        Some(_) => ("; some of them lie where something moves", true),
+        None => ("", true),
+    };
+    told[first].text += apart;
+    told[first].warns = warns && (in_cut.is_some() || !is_kept);
     // Small parts that are told of are those that the refinement stops at: one thing to know, with one remedy.
     if let Some(shortfall) = specks.and_then(|found| found.shortfall())
         && let (Some(cut), Some(coarse)) = (find(&told, extract::STAGE.name), find(&told, refine::STAGE.name))
