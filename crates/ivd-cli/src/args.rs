@@ -223,12 +223,12 @@ pub(crate) enum Command {
         a: PathBuf,
         /// Second artefact, or volume file.
         b: PathBuf,
-    },
-    /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.
-    Bench(Bench),
         /// Take the numbers of volumes for labels: the overlap of each label (Dice) is told, not the difference of numbers.
         #[arg(long)]
         labels: bool,
+    },
+    /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.
+    Bench(Bench),
     /// Reports on this machine: threads, memory, SIMD, GPU; what is switched off, and why.
     Doctor,
     /// Prints the JSON Schema of a scene.

@@ -54,6 +54,54 @@ fn a_run_that_fails_names_the_outputs_of_an_earlier_one() {
     assert!(!pipeline(at, SCENE, &[]).1.contains("earlier"));
 }
 
+/// A ball of radius 12 among 40³ voxels, pressed in at its front, with bright voxels alone.
+fn ball_with_specks(at: &Path, specks: &[[usize; 3]]) -> String {
+    let mut voxels = vec![0_u8; 40 * 40 * 40];
+    for (i, value) in voxels.iter_mut().enumerate() {
+        let p = [i % 40, i / 40 % 40, i / 1600].map(|c| c as f64 - 19.5);
+        let depth = 12.0 - p.iter().map(|c| c * c).sum::<f64>().sqrt();
+        *value = (128.0 + 60.0 * depth).clamp(0.0, 255.0) as u8;
+    }
+    for [x, y, z] in specks {
+        voxels[x + 40 * (y + 40 * z)] = 255;
+    }
+    std::fs::write(at.join("ball.raw"), voxels).unwrap();
+    let input = "file = \"ball.raw\"\naxes = \"RAS\"\nraw = { dims = [40, 40, 40], type = \"u8\" }";
+    SCENE.replace("phantom = \"sphere\"\nsize = 40", input).replace("33.0", "31.0").replace("12.0", "8.0")
+}
+
+#[test]
+fn specks_of_a_lattice_warn_where_they_lie_in_what_moves_and_are_noted_elsewhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let page = |specks: &[[usize; 3]]| {
+        let (code, told, _) = pipeline(at, &ball_with_specks(at, specks), &[]);
+        assert_eq!(code, 0, "{told}");
+        std::fs::read_to_string(at.join("out/report.html")).unwrap()
+    };
+    let far = [[3, 3, 3], [6, 3, 3], [9, 3, 3], [12, 3, 3]];
+    let none = page(&[]);
+    assert!(none.contains("✓ <b>Trust:</b>") && !none.contains("small parts"));
+    let noted = page(&far);
+    assert!(noted.contains("✓ <b>Trust:</b>") && !noted.contains("▲"));
+    assert!(noted.contains("<li>Note: lattice and refine: ") && noted.contains("4 small parts"));
+    assert!(noted.contains("; none of them lies where something moves</li>"));
+    let warned = page(&[&far[..], &[[20, 34, 20]]].concat());
+    assert!(warned.contains("▲ <b>Look at:</b> what is said below of lattice and refine"), "near the handle");
+    assert!(warned.contains("▲ Look at:</b> lattice and refine: ") && warned.contains("5 small parts"));
+    assert!(warned.contains("; one of them lies where something moves</li>"));
+    // Numbers that no one outside of the field knows are explained beside them.
+    for words in [
+        "hardly changed (1 is as it was, 0 is flat)</td>",
+        "<td class='means'>good: nowhere does space lie on itself",
+        "ring: the surface follows the handles",
+        "octree: a voxel moves as the surface nearest to it",
+        "Good: below a hundredth of a voxel",
+    ] {
+        assert!(noted.contains(words), "{words}");
+    }
+}
+
 /// Voxels of an NRRD file in 12 × 10 × 8, with a header that says what is given.
 fn nrrd(at: &Path, name: &str, header: &str, value: impl Fn([usize; 3]) -> u8) {
     let voxels = (0..12 * 10 * 8).map(|i| value([i % 12, i / 12 % 10, i / 120]));

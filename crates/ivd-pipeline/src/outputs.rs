@@ -234,6 +234,8 @@ impl<'a> Writer<'a> {
                     self.exec.run(|| whole(volume))?;
                     self.data.moved = MovedSlices::of(volume, displacement)?;
                 }
+                self.data.specks_moved =
+                    beside(node, earlier).map(|(lattice, _)| report::specks_moved(lattice, displacement));
                 if let Some((labels, _)) = beside(node, earlier) {
                     self.data.class_volumes =
                         by_class(displacement, labels, self.exec).map_err(Error::in_stage("report"))?;

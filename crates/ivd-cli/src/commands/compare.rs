@@ -61,13 +61,6 @@ pub(super) fn run(a: &Path, b: &Path, labels: bool, context: &Context) -> anyhow
     context.print(&error, || format!("{error:#}"))
 }
 
-/// A file's value, to be compared with another's.
-fn beside(file: &Path, other: &Path, context: &Context) -> anyhow::Result<Input> {
-    let off = Cache::disabled();
-    if ivd_artefact::is_artefact(file) || !ivd_artefact::is_artefact(other) {
-        return volume_or_artefact(file, &off, context);
-    }
-    let (kind, name) = (ivd_artefact::peek(other)?.kind, file.display());
 /// A file's labels: its own, or its numbers taken for some.
 fn labels_of(file: &Path, context: &Context) -> anyhow::Result<Input> {
     let off = Cache::disabled();
@@ -86,6 +79,13 @@ fn labels_of(file: &Path, context: &Context) -> anyhow::Result<Input> {
     Ok(done.map_err(|e| Failure::of(error_class(&e), format!("{}: {e}", file.display())))?.input())
 }
 
+/// A file's value, to be compared with another's.
+fn beside(file: &Path, other: &Path, context: &Context) -> anyhow::Result<Input> {
+    let off = Cache::disabled();
+    if ivd_artefact::is_artefact(file) || !ivd_artefact::is_artefact(other) {
+        return volume_or_artefact(file, &off, context);
+    }
+    let (kind, name) = (ivd_artefact::peek(other)?.kind, file.display());
     let remedy = match kind {
         Kind::Volume | Kind::Labels | Kind::Mask => return file_for(file, &[kind], &off, context),
         Kind::Lattice => format!("`ivd lattice VOLUME --mesh {name} -o FILE` makes a lattice of a mesh"),

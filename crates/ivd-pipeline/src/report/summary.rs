@@ -19,12 +19,17 @@ use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
 
 /// The settings, the handles, what came of them, and what to know about it.
-pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String, Error> {
+/// `specks_moved`: small parts of the lattice that lie where something moves.
+pub(super) fn summary(
+    loaded: &Loaded,
+    records: &[StageRecord],
+    specks_moved: Option<u64>,
+) -> Result<String, Error> {
     let scene = &loaded.scene;
     let done = figures_of::<deform::Figures>(records, deform::STAGE.name)?;
     let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
     let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
-    let told = told(records)?;
+    let told = told(records, specks_moved, map.as_ref())?;
     let mut html = verdict(&told, map.as_ref(), space.as_ref());
     html += &pairs(&settings(loaded, records)?);
     if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {
@@ -39,9 +44,10 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
     html += &figures(&outcome);
     if !told.is_empty() {
         html += "<ul class='told'>";
-        html.extend(
-            told.iter().map(|(about, text)| format!("<li><b>▲ Look at:</b> {about}: {}</li>", escape(text))),
-        );
+        html.extend(told.iter().map(|Told { about, text, warns }| {
+            let sign = if *warns { "<b>▲ Look at:</b>" } else { "Note:" };
+            format!("<li>{sign} {about}: {}</li>", escape(text))
+        }));
         html += "</ul>";
     }
     html += &written(scene);
@@ -323,7 +329,7 @@ fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
 }
 
 /// Whether to trust the result, in one sentence, and what shows it; `told` is what to know before.
-fn verdict(told: &[(String, String)], map: Option<&MapFigures>, space: Option<&SpaceFigures>) -> String {
+fn verdict(told: &[Told], map: Option<&MapFigures>, space: Option<&SpaceFigures>) -> String {
     let then = if space.is_some() { ", before the steps in space" } else { "" };
     let follows = map.filter(|map| map.follows()).map(|map| {
         format!(
@@ -334,12 +340,13 @@ fn verdict(told: &[(String, String)], map: Option<&MapFigures>, space: Option<&S
     let folds = space.map(|space| space.folds).or(map.map(|map| map.folds));
     let whole = (folds == Some(0)).then(|| "it folds nowhere, which is certified".to_owned());
     let shown = follows.into_iter().chain(whole).collect::<Vec<_>>().join(", and ");
-    if told.is_empty() {
+    let mut about: Vec<&str> =
+        told.iter().filter(|told| told.warns).map(|told| told.about.as_str()).collect();
+    about.dedup();
+    if about.is_empty() {
         let shown = if shown.is_empty() { "every stage did what was asked of it".to_owned() } else { shown };
         return format!("<p class='verdict'>✓ <b>Trust:</b> {}.</p>", escape(&shown));
     }
-    let mut about: Vec<&str> = told.iter().map(|(about, _)| about.as_str()).collect();
-    about.dedup();
     let shown = if shown.is_empty() { shown } else { format!(" Apart from that {shown}.") };
     format!(
         "<p class='verdict'>▲ <b>Look at:</b> what is said below of {}, before the result is trusted.{}</p>",
@@ -348,10 +355,28 @@ fn verdict(told: &[(String, String)], map: Option<&MapFigures>, space: Option<&S
     )
 }
 
-/// What to know before the result is trusted: which stages it is of, and what.
-fn told(records: &[StageRecord]) -> Result<Vec<(String, String)>, Error> {
-    let remarks = records.iter().filter_map(|record| Some((record.stage.clone(), record.remark.clone()?)));
-    let mut told: Vec<(String, String)> = remarks.collect();
+/// What to know before the result is trusted.
+struct Told {
+    /// Which stages it is of.
+    about: String,
+    /// What.
+    text: String,
+    /// Whether the result may not be what was meant.
+    warns: bool,
+}
+
+/// What to know before the result is trusted. Specks of the lattice warn where they lie in what moves, and where nothing moves and the
+/// lattice is all that there is; elsewhere they are noted.
+fn told(
+    records: &[StageRecord],
+    specks_moved: Option<u64>,
+    map: Option<&MapFigures>,
+) -> Result<Vec<Told>, Error> {
+    let remarks = records.iter().filter_map(|record| {
+        Some(Told { about: record.stage.clone(), text: record.remark.clone()?, warns: true })
+    });
+    let mut told: Vec<Told> = remarks.collect();
+    let cut = figures_of::<LatticeFigures>(records, extract::STAGE.name)?;
     let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
     // A corner of a voxel that is squeezed hides nothing.
     let is_plain = map.is_some_and(MapFigures::is_plain);
@@ -377,11 +402,11 @@ fn told(records: &[StageRecord]) -> Result<Vec<(String, String)>, Error> {
     told[first].text += apart;
     told[first].warns = warns && (in_cut.is_some() || !is_kept);
     // Small parts that are told of are those that the refinement stops at: one thing to know, with one remedy.
-    if let Some(shortfall) = specks.and_then(|found| found.shortfall())
-        && let (Some(cut), Some(coarse)) = (find(&told, extract::STAGE.name), find(&told, refine::STAGE.name))
+    if let (Some(cut), Some(coarse)) = (in_cut, in_refined)
+        && let Some(shortfall) = stopped.and_then(|found| found.shortfall())
     {
-        let (stage, _) = told.remove(coarse);
-        let (about, text) = &mut told[cut];
+        let Told { about: stage, .. } = told.remove(coarse);
+        let Told { about, text, .. } = &mut told[cut];
         *text = format!("{shortfall}; {text}");
         *about = format!("{about} and {stage}");
     }
