@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Classified, ErrorClass, Exec, Lattice};
+use ivd_core::{Classified, ErrorClass, Exec, Lattice, counted};
 use ivd_lattice::refine::RefineFigures;
 use ivd_map::MapFigures;
 use ivd_pipeline::plan::{NodeId, Plan};
@@ -347,5 +347,5 @@ fn nothing(place: NodeId) -> Error {
 }
 
 fn named(candidate: &Candidate) -> String {
-    format!("level {} with {} steps", candidate.level, candidate.steps)
+    format!("level {} with {}", candidate.level, counted(candidate.steps, "step", "steps"))
 }

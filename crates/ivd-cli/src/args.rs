@@ -126,6 +126,10 @@ pub(crate) enum Command {
         /// are flipped, or that are coarser than the scan.
         #[arg(long, value_name = "VOLUME")]
         like: Option<PathBuf>,
+        /// A file with as many voxels along x, y and z, whose spacing, place and axes are taken as they are: for scans, labels and masks that
+        /// lost them, or have them wrong. The voxels stay in their order.
+        #[arg(long, value_name = "FILE", conflicts_with_all = ["like", "displacement", "axes", "raw_spacing"])]
+        grid_of: Option<PathBuf>,
         #[command(flatten)]
         raw: Raw,
         #[command(flatten)]
@@ -204,17 +208,24 @@ pub(crate) enum Command {
         /// Of a volume, labels or a mask: the voxel at this place (mm, RAS), its value or class.
         #[arg(long, value_name = "X,Y,Z", value_parser = parse::place, allow_hyphen_values = true, conflicts_with_all = ["vertex", "voxel"])]
         at: Vec<[f64; 3]>,
-        /// With --at: labels on the same grid, whose class there is told too.
+        /// With --at: labels on the same grid, whose class there is told too. A mask's artefact is told as by --mask.
         #[arg(long, value_name = "FILE", requires = "at")]
         labels: Option<PathBuf>,
+        /// With --at: a mask on the same grid; whether the place is inside is told too.
+        #[arg(long, value_name = "FILE", requires = "at")]
+        mask: Option<PathBuf>,
     },
     /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice. A file of
-    /// another program is taken for what the artefact beside it is: a volume, labels or a mask.
+    /// another program is taken for what the artefact beside it is: a volume, labels or a mask; two of them for volumes, or labels with
+    /// --labels.
     Compare {
         /// First artefact, or volume file.
         a: PathBuf,
         /// Second artefact, or volume file.
         b: PathBuf,
+        /// Take the numbers of volumes for labels: the overlap of each label (Dice) is told, not the difference of numbers.
+        #[arg(long)]
+        labels: bool,
     },
     /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.
     Bench(Bench),

@@ -118,7 +118,7 @@ pub(crate) fn imported(
     cache: &Cache,
     context: &Context,
 ) -> anyhow::Result<Input> {
-    let source = ImportSource::File { path: path.to_owned(), options };
+    let source = ImportSource::File { path: path.to_owned(), options, grid_of: None };
     Ok(context.run(cache, &Import { source }, &Inputs::default())?.input())
 }
 

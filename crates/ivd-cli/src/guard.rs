@@ -8,7 +8,7 @@ use ivd_artefact::TemporaryFiles;
 use ivd_core::{Cancel, ErrorClass, Spill, SpillSpace};
 use ivd_pipeline::resource;
 
-use crate::exit::{Failure, error_class};
+use crate::exit::{Failure, Unfinished, error_class};
 
 /// Time between two looks.
 const BETWEEN: Duration = Duration::from_millis(5);
@@ -79,7 +79,10 @@ impl Guard {
         if passed == 0 {
             // One array was beyond the limit by itself; other failures are what they are.
             return match named.filter(|_| error_class(&error) == ErrorClass::Limit) {
-                Some(named) => Failure::of(ErrorClass::Limit, format!("{error}; {named}")),
+                Some(named) => {
+                    let told = Failure::of(ErrorClass::Limit, format!("{error}; {named}"));
+                    Unfinished::carried(&error, told)
+                }
                 None => error,
             };
         }
@@ -90,7 +93,7 @@ impl Guard {
             limit as f64 / f64::from(1 << 20),
             passed as f64 / 1024.0
         );
-        Failure::of(ErrorClass::Limit, problem)
+        Unfinished::carried(&error, Failure::of(ErrorClass::Limit, problem))
     }
 }
 

@@ -20,6 +20,7 @@ mod parts;
 mod pictures;
 mod program;
 mod recipes;
+mod second_hour;
 mod segment;
 mod snapshots;
 mod space;

@@ -1,7 +1,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{Class, Error, Labels, ParamError};
+use crate::{Class, Error, Labels, ParamError, counted};
 
 /// A class of labels: an id, or what it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -86,8 +86,10 @@ impl Labels {
 
     /// An id that no voxel has, with the classes that there are.
     pub fn no_such_class(&self, id: u16) -> Error {
-        let each =
-            self.classes().iter().map(|c| format!("{} (mean {:.4}, {} voxels)", c.id, c.mean, c.voxels));
+        let each = self
+            .classes()
+            .iter()
+            .map(|c| format!("{} (mean {:.4}, {})", c.id, c.mean, counted(c.voxels, "voxel", "voxels")));
         let list = each.collect::<Vec<_>>().join(", ");
         Error::NoSuchClass { id, known: if list.is_empty() { "no class".into() } else { list } }
     }

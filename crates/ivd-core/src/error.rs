@@ -129,9 +129,14 @@ pub enum Error {
     /// Two inputs that must lie on one grid don't.
     #[error(
         "{a} ({a_dims:?}) and {b} ({b_dims:?}) lie on different grids{}; use inputs made from the same volume, or put one onto the grid of the \
-         other{}",
+         other{}{}",
         if a_dims == b_dims { ": their spacing, origin or axes differ" } else { "" },
-        put_by([a, b])
+        put_by([a, b]),
+        if a_dims == b_dims {
+            "; a file whose header is wrong takes the other's grid as it is (`ivd import FILE --grid-of OTHER` does)"
+        } else {
+            ""
+        }
     )]
     GridMismatch {
         /// First input.

@@ -483,8 +483,12 @@ mod tests {
         );
         let said = a.require(&b, "volume", "labels").unwrap_err().to_string();
         assert!(
-            said.starts_with("volume ([4, 3, 2]) and labels ([4, 3, 3]) lie on different grids"),
+            said.starts_with("volume ([4, 3, 2]) and labels ([4, 3, 3]) lie on different grids")
+                && !said.contains("--grid-of"),
             "{said}"
         );
+        let wrong = Grid::with_spacing([4, 3, 2], [1.0; 3]).unwrap();
+        let said = a.require(&wrong, "volume", "labels").unwrap_err().to_string();
+        assert!(said.contains("axes differ") && said.contains("--grid-of"), "{said}");
     }
 }

@@ -73,7 +73,7 @@ pub use mask::Mask;
 pub use mesh::{Mesh, MeshAddress};
 pub use motion::{Ball, Frame, InteriorPoints, Motion, Role};
 pub use octree::{LeafKind, OCTREE_MAX_DEPTH, Octree, OctreeNode, OctreeParts};
-pub use shown::shown;
+pub use shown::{counted, shown};
 pub use spill::{Spill, SpillSpace};
 pub use transfer::{ClassRole, GradientTable, TransferEntry, TransferFunction};
 pub use tree::{LeafMeans, Linkage, Merged, Tree, TreeParts};

@@ -1,6 +1,7 @@
 //! Text from elsewhere on its way to a person.
 
 use std::borrow::Cow;
+use std::fmt::Display;
 
 /// Text as it is shown to a person, on a terminal or on a page: what would act on the display instead of being seen is written out, as
 /// `\u{1b}`.
@@ -23,6 +24,17 @@ pub fn shown(text: &str) -> Cow<'_, str> {
         if acts(c) { out.extend(c.escape_unicode()) } else { out.push(c) }
     }
     Cow::Owned(out)
+}
+
+/// A count with what is counted, one or several.
+///
+/// ```
+/// assert_eq!(ivd_core::counted(1, "piece", "pieces"), "1 piece");
+/// assert_eq!(ivd_core::counted(0_u64, "vertex", "vertices"), "0 vertices");
+/// ```
+pub fn counted<N: Copy + Display + PartialEq + From<bool>>(count: N, one: &str, several: &str) -> String {
+    let what = if count == N::from(true) { one } else { several };
+    format!("{count} {what}")
 }
 
 /// Whether a character acts on the display instead of being seen.

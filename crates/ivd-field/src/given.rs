@@ -1,6 +1,6 @@
 //! A displacement from one field that is given: by another program, or by hand.
 
-use ivd_core::{Displacement, FieldBricks, Grid, VoxelCoord};
+use ivd_core::{Displacement, FieldBricks, Grid, VoxelCoord, counted};
 
 use crate::Error;
 use crate::certificate::{Certificate, THIN, certify};
@@ -40,8 +40,8 @@ pub fn displacement(grid: Grid, field: FieldBricks, leads: Leads, exec: &Exec) -
             Some(fold) => Err(Error::Untrusted {
                 what,
                 problem: format!(
-                    "it folds in {} cells, the first at voxel {:?}, where det J falls to {:.3}",
-                    proof.folded.len(),
+                    "it folds in {}, the first at voxel {:?}, where det J falls to {:.3}",
+                    counted(proof.folded.len(), "cell", "cells"),
                     fold.cell,
                     fold.lower
                 ),

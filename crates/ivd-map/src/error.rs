@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass, Grid, VoxelCoord};
+use ivd_core::{Classified, ErrorClass, Grid, VoxelCoord, counted};
 use ivd_field::certificate::Certificate;
 use nalgebra::Vector3;
 
@@ -22,7 +22,8 @@ pub enum Error {
     /// A map that folds space, after everything that may be done against it.
     #[error(
         "the map folds: det ∇φ is only proven above {lower:.3} in the cell at voxel {voxel:?} ({world:.1?} mm), and in \
-         {cells} cells in all; move less, or within a larger radius or margin"
+         {} in all; move less, or within a larger radius or margin",
+        counted(*cells, "cell", "cells")
     )]
     Folded {
         /// Lowest corner of the worst cell (voxel).

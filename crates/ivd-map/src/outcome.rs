@@ -1,4 +1,6 @@
-use ivd_core::{Displacement, Error, FieldBricks, Frame, Lattice, Motion, Role, VoxelCoord, VoxelIndex};
+use ivd_core::{
+    Displacement, Error, FieldBricks, Frame, Lattice, Motion, Role, VoxelCoord, VoxelIndex, counted,
+};
 use ivd_field::certificate::{Certificate, Histogram};
 use ivd_field::sampler::{Sampler, brick_at};
 use ivd_field::vectors::lengths;
@@ -72,6 +74,41 @@ pub struct SolveFigures {
     pub increments: u32,
 }
 
+/// How much space is squeezed to less than a tenth of its volume, by cells of eight voxels, which are as large as a voxel: those that are so
+/// at their middle.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+pub struct Squeezed {
+    /// How many.
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub voxels: u64,
+    /// What they take at rest.
+    #[schemars(extend("x-unit" = "mm³"))]
+    pub volume_mm3: f64,
+    /// Their share of the cells in which something moves.
+    #[schemars(extend("x-unit" = "1"))]
+    pub share: f64,
+}
+
+impl Squeezed {
+    /// - `det_j`: determinants at the cells' middles, with bins that end at [`SQUEEZED`]; `voxel_mm3`: what a voxel takes.
+    fn of(det_j: &Histogram, voxel_mm3: f64) -> Self {
+        let width = (det_j.upper - det_j.lower) / det_j.counts.len() as f64;
+        let bins = ((SQUEEZED - det_j.lower) / width).round() as usize;
+        let voxels: u64 = det_j.counts.iter().take(bins).sum();
+        let all: u64 = det_j.counts.iter().sum();
+        Self { voxels, volume_mm3: voxels as f64 * voxel_mm3, share: voxels as f64 / all.max(1) as f64 }
+    }
+
+    /// How much that is, in words.
+    fn told(self) -> String {
+        let Self { voxels, volume_mm3, share } = self;
+        let percent = 100.0 * share;
+        let percent = if percent < 0.01 { "less than 0.01".to_owned() } else { format!("{percent:.2}") };
+        let volume = if volume_mm3 < 10.0 { format!("{volume_mm3:.2}") } else { format!("{volume_mm3:.0}") };
+        format!("{} ({volume} mm³, {percent} % of what moves)", counted(voxels, "voxel", "voxels"))
+    }
+}
+
 /// What a map comes to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MapFigures {
@@ -91,6 +128,9 @@ pub struct MapFigures {
     #[serde(default)]
     #[schemars(extend("x-unit" = "mm"))]
     pub min_det_j_at_mm: Option<[f64; 3]>,
+    /// Space that is squeezed to less than a tenth; results of older programs don't tell.
+    #[serde(default)]
+    pub squeezed: Option<Squeezed>,
     /// Cells that fold: 0, or there would be no map.
     #[schemars(extend("x-unit" = "1"))]
     pub folds: u64,
@@ -137,6 +177,12 @@ impl MapFigures {
         self.share >= 1.0 && self.followed.misfit_max_voxel <= LEFT_BEHIND
     }
 
+    /// Whether there is nothing to know of it before it is trusted, but perhaps that a corner of a voxel is squeezed.
+    pub fn is_plain(&self) -> bool {
+        let is_squeezed = self.squeezed.map_or(self.min_det_j < SQUEEZED, |squeezed| squeezed.voxels > 0);
+        self.follows() && self.followed.conflicts == 0 && !is_squeezed
+    }
+
     /// What a person should know before the map is trusted: that it ends on the way, leaves vertices behind, was told different motions
     /// near one another, or squeezes space to next to nothing.
     pub fn remark(&self) -> Option<String> {
@@ -153,21 +199,36 @@ impl MapFigures {
             ));
         }
         if fit.conflicts > 0 {
-            told.push(format!(
-                "{} vertices within two voxels of others are told to move differently",
-                fit.conflicts
+            told.push(counted(
+                fit.conflicts,
+                "vertex within two voxels of others is told to move differently",
+                "vertices within two voxels of others are told to move differently",
             ));
         }
-        if self.min_det_j < SQUEEZED {
-            let at = self.min_det_j_at_mm.map(|at| at.map(|c| format!("{c:.1}")).join(", "));
-            let at = at.map_or_else(|| "somewhere".to_owned(), |at| format!("at {at} mm (at rest)"));
-            told.push(format!(
-                "{at} space is squeezed, at its worst corner of a voxel to {:.1} % of its volume: it folds nowhere, but matter there can be hard to see; \
-                 the slices show how far that reaches, and another map.method (octree, biharmonic, body) may squeeze less",
-                100.0 * self.min_det_j
-            ));
-        }
+        told.extend((self.min_det_j < SQUEEZED).then(|| self.squeezed_told()));
         (!told.is_empty()).then(|| told.join("; "))
+    }
+}
+
+impl MapFigures {
+    /// How much space is squeezed to next to nothing, and where worst.
+    fn squeezed_told(&self) -> String {
+        let at = self.min_det_j_at_mm.map(|at| at.map(|c| format!("{c:.1}")).join(", "));
+        let at = at.map_or_else(String::new, |at| format!(" at {at} mm (at rest)"));
+        let worst = format!("to {:.1} %{at}", 100.0 * self.min_det_j);
+        let much = match self.squeezed {
+            Some(Squeezed { voxels: 0, .. }) => {
+                return format!(
+                    "no voxel as a whole is squeezed to less than a tenth of its volume, a corner of one is, {worst}: it folds nowhere"
+                );
+            }
+            Some(squeezed) => format!(" of {}", squeezed.told()),
+            None => String::new(),
+        };
+        format!(
+            "space{much} is squeezed to less than a tenth of its volume, at the worst corner of a voxel {worst}: it folds nowhere, but matter there can \
+             be hard to see; the slices show where, and a smaller move or another map.method (octree, biharmonic, body) may squeeze less"
+        )
     }
 }
 
@@ -229,6 +290,7 @@ impl MapResult {
             bricks_total: displacement.forward().table().len() as u64,
             min_det_j: certificate.min_det,
             min_det_j_at_mm,
+            squeezed: Some(Squeezed::of(&certificate.histogram, displacement.grid().voxel_volume())),
             folds: certificate.folded.len() as u64,
             relaxations,
             halvings,

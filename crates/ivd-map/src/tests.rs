@@ -186,17 +186,66 @@ fn what_is_squeezed_is_told_with_the_cell_that_the_certificate_finds_worst() {
     let at = mapped.figures.min_det_j_at_mm.unwrap();
     assert_eq!(at, worst.cell.map(|c| 0.7 * (c as f64 + 0.5)));
     assert!(worst.lower < 1.0, "pressed in, something gives way");
+    assert_eq!(mapped.figures.squeezed.unwrap().voxels, 0, "pressed in gently");
     let figures = MapFigures { min_det_j: 0.05, ..mapped.figures };
     let told = figures.remark().unwrap();
     let place = at.map(|c| format!("{c:.1}")).join(", ");
-    assert!(
-        told.contains(&format!(
-            "at {place} mm (at rest) space is squeezed, at its worst corner of a voxel to 5.0 %"
-        )),
-        "{told}"
-    );
-    let older = MapFigures { min_det_j_at_mm: None, ..figures };
-    assert!(older.remark().unwrap().contains("somewhere space is squeezed"));
+    for words in [
+        "no voxel as a whole is squeezed to less than a tenth of its volume",
+        &format!("a corner of one is, to 5.0 % at {place} mm (at rest)"),
+    ] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    assert!(figures.is_plain(), "a corner alone");
+    let older = MapFigures { min_det_j_at_mm: None, squeezed: None, ..figures };
+    assert!(!older.is_plain());
+    assert!(older.remark().unwrap().contains("space is squeezed to less than"));
+}
+
+#[test]
+fn what_is_squeezed_is_counted_as_every_cell_by_itself() {
+    // Pressed in further and further, until whole voxels give way.
+    let grid = Grid::with_spacing([40; 3], [0.7; 3]).unwrap();
+    let (centre, up) = (middle(&grid), Vector3::new(0.0, 0.0, 8.4));
+    let (top, radius) = (centre + up, 7.0);
+    let pressed = |by: f64| {
+        let scene = scene(&grid, ball(centre, 8.4), pushed(top, radius, -by * up), &[(top, radius)]);
+        scene.map(&OctreeParams::default(), &Exec::default()).ok()
+    };
+    let is_squeezed = |mapped: &MapResult| mapped.figures.squeezed.unwrap().voxels > 0;
+    let mapped = [0.6, 0.8, 1.0, 1.2, 1.4].into_iter().filter_map(pressed).find(is_squeezed).unwrap();
+    let (grid, field) = (mapped.displacement.grid(), mapped.displacement.forward());
+    let squeezed = mapped.figures.squeezed.unwrap();
+    // By differences of the motion at the middle of each cell, from its eight voxels.
+    let [nx, ny, nz] = grid.dims().map(|n| n as i64);
+    let at = |x: i64, y: i64, z: i64| {
+        let clamped = [x.clamp(0, nx - 1), y.clamp(0, ny - 1), z.clamp(0, nz - 1)];
+        Vector3::from(field.at(VoxelIndex(clamped.map(|c| c as usize)))).map(f64::from)
+    };
+    let (mut thin, mut moving) = (0, 0);
+    for (z, y, x) in (-1..nz).flat_map(|z| (-1..ny).flat_map(move |y| (-1..nx).map(move |x| (z, y, x)))) {
+        let corners: [Vector3<f64>; 8] =
+            std::array::from_fn(|i| at(x + (i & 1) as i64, y + (i >> 1 & 1) as i64, z + (i >> 2) as i64));
+        if corners.iter().all(|u| *u == Vector3::zeros()) {
+            continue;
+        }
+        let along = |axis: usize| -> Vector3<f64> {
+            let sign = |i: usize| if i >> axis & 1 == 1 { 0.25 } else { -0.25 };
+            (0..8).map(|i| corners[i] * sign(i)).sum()
+        };
+        let jacobian = nalgebra::Matrix3::identity()
+            + nalgebra::Matrix3::from_columns(&[0, 1, 2].map(along)) / grid.spacing()[0];
+        moving += 1;
+        thin += u64::from(jacobian.determinant() < 0.1);
+    }
+    assert!(thin > 0, "pressed in hard: {:?}", mapped.figures.min_det_j);
+    assert_eq!(squeezed.voxels, thin);
+    assert!((squeezed.volume_mm3 - thin as f64 * 0.7_f64.powi(3)).abs() < 1e-9 * thin as f64);
+    assert!((squeezed.share - thin as f64 / f64::from(moving)).abs() < 1e-12);
+    let told = mapped.figures.remark().unwrap();
+    assert!(told.contains(&format!("space of {thin} voxels (")), "{told}");
+    assert!(told.contains("% of what moves) is squeezed to less than a tenth"), "{told}");
+    assert!(!mapped.figures.is_plain());
 }
 
 #[test]

@@ -1,4 +1,4 @@
-use ivd_core::{Classified, ErrorClass};
+use ivd_core::{Classified, ErrorClass, counted};
 
 /// Why a lattice has no octree, or an octree doesn't serve.
 #[derive(Debug, thiserror::Error)]
@@ -8,8 +8,8 @@ pub enum Error {
     Core(#[from] ivd_core::Error),
     /// A line of voxels enters the lattice more often than it leaves it, or the other way round.
     #[error(
-        "the lattice is open: along x at voxel row y = {}, z = {} it is entered {surplus} more times than left; \
-         extract it again, or close its holes", row[0], row[1]
+        "the lattice is open: along x at voxel row y = {}, z = {} it is entered {} than left; \
+         extract it again, or close its holes", row[0], row[1], counted(*surplus, "more time", "more times")
     )]
     Open {
         /// The row's y and z (voxels).

@@ -40,6 +40,7 @@ mod distribution;
 mod error;
 mod export;
 mod frames;
+mod left_over;
 pub mod list;
 mod need;
 mod outputs;
@@ -65,6 +66,7 @@ pub use export::{
 };
 pub use frames::map_frame;
 pub use ivd_core::op::Slot;
+pub use left_over::{Before, LeftOver};
 pub use outputs::OutputFile;
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run, run_controlled, run_node};
 pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, figures_of};

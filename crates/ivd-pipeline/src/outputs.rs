@@ -66,6 +66,11 @@ impl Manifest {
         serde_json::from_str(&text).unwrap_or_default()
     }
 
+    /// The files that it wrote, with their keys.
+    pub(crate) fn files(&self) -> impl Iterator<Item = (&str, &Path)> {
+        self.outputs.iter().map(|file| (&*file.name, &*file.path))
+    }
+
     fn stage(&self, stage: &str, variant: &str) -> Option<&StageRecord> {
         self.stages.iter().find(|r| r.stage == stage && r.variant == variant && r.output.is_some())
     }
@@ -96,6 +101,22 @@ fn differing(path: &str, old: &Value, new: &Value, changes: &mut Vec<String>) {
         _ if old != new => changes.push(format!("{path}: {old} → {new}")),
         _ => {}
     }
+}
+
+/// Name of the report among the outputs, and its file.
+const REPORT: (&str, &str) = ("report", "report.html");
+
+/// Name of a picture among the outputs, and its file.
+fn picture_file(picture: Picture) -> (String, PathBuf) {
+    (format!("image {}", picture.name()), PathBuf::from(format!("{}.png", picture.name())))
+}
+
+/// The outputs that a scene names, with their files, but for the frames of a series: how many these are shows while it runs.
+pub(crate) fn named(scene: &Scene) -> Vec<(String, PathBuf)> {
+    let files = scene.output.files().into_iter().filter(|(key, _)| !OF_FRAMES.contains(key));
+    let files = files.map(|(key, path)| (key.to_owned(), path.to_owned()));
+    let report = scene.output.report.then(|| (REPORT.0.to_owned(), PathBuf::from(REPORT.1)));
+    files.chain(scene.output.images.iter().copied().map(picture_file)).chain(report).collect()
 }
 
 /// Writes outputs while a scene runs.
@@ -145,8 +166,7 @@ impl<'a> Writer<'a> {
         }
         for picture in [Picture::Before, Picture::After, Picture::Difference] {
             if node.outputs.contains(&picture.name()) {
-                let name = format!("image {}", picture.name());
-                let file = PathBuf::from(format!("{}.png", picture.name()));
+                let (name, file) = picture_file(picture);
                 self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))?;
             }
         }
@@ -214,6 +234,8 @@ impl<'a> Writer<'a> {
                     self.exec.run(|| whole(volume))?;
                     self.data.moved = MovedSlices::of(volume, displacement)?;
                 }
+                self.data.specks_moved =
+                    beside(node, earlier).map(|(lattice, _)| report::specks_moved(lattice, displacement));
                 if let Some((labels, _)) = beside(node, earlier) {
                     self.data.class_volumes =
                         by_class(displacement, labels, self.exec).map_err(Error::in_stage("report"))?;
@@ -285,21 +307,21 @@ impl<'a> Writer<'a> {
         }
         let clock = Clock::start();
         let source = report_source(loaded, stages, &self.data.decisions.lines);
-        let name = Path::new("report.html");
+        let (name, file) = REPORT;
         if force {
-            let _ = std::fs::remove_file(self.out.join(name));
+            let _ = std::fs::remove_file(self.out.join(file));
         }
         let data = std::mem::take(&mut self.data);
         let (before, written) = (self.files.len(), self.files.clone());
-        self.file("report", name, &source, |to, exec| {
+        self.file(name, Path::new(file), &source, |to, exec| {
             if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
                 exec.run(|| whole(volume))?;
             }
             write_text(to, &report::html(loaded, stages, &written, &data, exec)?)
         })?;
         let file = &self.files[before];
-        let again = self.manifest.outputs.iter().any(|o| o.name == "report" && o.source == file.source)
-            && !file.written;
+        let again =
+            self.manifest.outputs.iter().any(|o| o.name == name && o.source == file.source) && !file.written;
         record.state = if again { State::Cached } else { State::Ran };
         record.cached = again;
         let why = if again { "everything it shows is as it was" } else { "what it shows changed" };

@@ -54,22 +54,35 @@ pub struct Figure {
     pub key: &'static str,
     /// Its value; null where there is none.
     pub value: Value,
+    /// What it means, in a clause beside it; empty where the label says it.
+    pub means: &'static str,
 }
 
 impl Figure {
     /// A figure of a stage.
     pub fn new(label: &'static str, key: &'static str, value: impl Serialize) -> Self {
-        Self { label, key, value: serde_json::to_value(value).unwrap_or_default() }
+        Self { label, key, value: serde_json::to_value(value).unwrap_or_default(), means: "" }
+    }
+
+    /// The same, with what it means.
+    #[must_use]
+    pub fn meaning(self, means: &'static str) -> Self {
+        Self { means, ..self }
     }
 }
 
 /// A table of figures; those that aren't there are left out.
 pub fn figures(rows: &[Figure]) -> String {
     let mut html = String::from("<table>");
-    for Figure { label, key, value } in rows.iter().filter(|row| !row.value.is_null()) {
+    for Figure { label, key, value, means } in rows.iter().filter(|row| !row.value.is_null()) {
+        let means = if means.is_empty() {
+            String::new()
+        } else {
+            format!("<td class='means'>{}</td>", escape(means))
+        };
         let _ = write!(
             html,
-            "<tr><th>{}</th><td data-figure='{}' data-value='{}'>{}</td></tr>",
+            "<tr><th>{}</th><td data-figure='{}' data-value='{}'>{}</td>{means}</tr>",
             escape(label),
             escape(key),
             escape(&value.to_string()),

@@ -1,5 +1,6 @@
 //! A dendrogram as inline SVG.
 
+use ivd_core::counted;
 use std::fmt::Write as _;
 
 use crate::chart::{AREA, LEFT, open};
@@ -66,10 +67,11 @@ pub fn dendrogram(found: &Dendrogram<'_>) -> String {
         let Leaf { mean, voxels, colour } = &found.leaves[leaf];
         let _ = write!(
             svg,
-            "<circle cx='{x:.1}' cy='{:.1}' r='4' fill='{colour}' stroke='#888'><title>mean {}, {voxels} voxels</title></circle>\
+            "<circle cx='{x:.1}' cy='{:.1}' r='4' fill='{colour}' stroke='#888'><title>mean {}, {}</title></circle>\
              <text x='{x:.1}' y='{:.1}' class='small' text-anchor='middle'>{}</text>",
             up(0.0),
             number(*mean),
+            counted(*voxels, "voxel", "voxels"),
             AREA[1] + 8.0,
             number(*mean)
         );

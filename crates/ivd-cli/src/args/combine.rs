@@ -57,10 +57,11 @@ impl From<OpChoice> for Op {
 pub(crate) struct ClipArgs {
     /// Volume artefact or file, labels artefact, or mask artefact.
     pub(crate) volume: PathBuf,
-    /// 'point=x,y,z;normal=x,y,z' (mm): keep the side that the normal points to, and the plane.
+    /// 'point=x,y,z;normal=x,y,z' (mm): keep the voxels whose middles lie on the side that the normal points to, or on the plane. A lattice of
+    /// what is kept ends between voxels: up to a voxel from the plane, in steps where it runs askew.
     #[arg(long, value_name = "PLANE", value_parser = plane)]
     pub(crate) plane: Vec<HalfSpace>,
-    /// 'min=x,y,z;max=x,y,z' (mm): keep the inside of a box along the world's axes, and its faces.
+    /// 'min=x,y,z;max=x,y,z' (mm): keep the voxels whose middles lie in a box along the world's axes, or on its faces.
     #[arg(long = "box", value_name = "BOX", value_parser = cuboid)]
     pub(crate) boxes: Vec<Cuboid>,
     /// Keep the voxels that a mask or labels (artefact) tag; on another grid the nearest voxel counts. Several are made one by

@@ -5,18 +5,51 @@ use std::path::Path;
 use ivd_artefact::Cache;
 use ivd_core::{Grid, Kind, Labels, Mask, Value as _, Volume, VoxelCoord, VoxelIndex, World};
 use ivd_io::volume::ReadOptions;
+use ivd_pipeline::Input;
 use serde_json::{Map, Value, json};
 
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::{file_for, imported, volume_or_artefact};
 
-/// What lies at places (mm, RAS) of a volume, of labels or of a mask; with the class that `labels` have there.
+/// Files on the grid of one that is asked about.
+#[derive(Default, Clone, Copy)]
+pub(super) struct Beside<'a> {
+    /// Labels, whose class is told; or a mask.
+    pub(super) labels: Option<&'a Path>,
+    /// A mask, of which inside or outside is told.
+    pub(super) mask: Option<&'a Path>,
+}
+
+impl Beside<'_> {
+    /// What the files hold.
+    fn read(self, context: &Context) -> anyhow::Result<Vec<Input>> {
+        let files = [("--labels", self.labels, Kind::Labels), ("--mask", self.mask, Kind::Mask)];
+        let given = files.into_iter().filter_map(|(flag, file, kind)| Some((flag, file?, kind)));
+        given
+            .map(|(flag, file, kind)| {
+                let input = file_for(file, &[kind], &Cache::disabled(), context)?;
+                let held = input.artefact.kind();
+                if held == kind || (held, kind) == (Kind::Mask, Kind::Labels) {
+                    return Ok(input);
+                }
+                Err(Failure::usage(format!(
+                    "{flag} {}: a {held} artefact, not {}; `ivd import FILE {flag} -o OUT` makes what is wanted of a volume file",
+                    file.display(),
+                    if kind == Kind::Labels { "labels or a mask" } else { "a mask" },
+                )))
+            })
+            .collect()
+    }
+}
+
+/// What lies at places (mm, RAS) of a volume, of labels or of a mask; with the class that labels beside it have there, and whether a mask
+/// beside it holds them.
 pub(super) fn places(
     file: &Path,
     series: Option<String>,
     places: &[[f64; 3]],
-    labels: Option<&Path>,
+    beside: Beside<'_>,
     context: &Context,
 ) -> anyhow::Result<Value> {
     let input = match series {
@@ -36,11 +69,14 @@ pub(super) fn places(
             file.display()
         ))
     })?;
-    let beside =
-        labels.map(|path| file_for(path, &[Kind::Labels], &Cache::disabled(), context)).transpose()?;
-    let beside = beside.as_ref().and_then(|input| Labels::of(&input.artefact));
-    if let Some(labels) = beside {
-        grid.require(labels.grid(), "the volume", "--labels").map_err(|e| Failure::usage(e.to_string()))?;
+    let beside = beside.read(context)?;
+    let labels_beside = beside.iter().find_map(|input| Labels::of(&input.artefact));
+    let mask_beside = beside.iter().rev().find_map(|input| Mask::of(&input.artefact));
+    for (what, other) in
+        [("--labels", labels_beside.map(Labels::grid)), ("mask", mask_beside.map(Mask::grid))]
+    {
+        let fits = other.map_or(Ok(()), |other| grid.require(other, "the volume", what));
+        fits.map_err(|e| Failure::usage(e.to_string()))?;
     }
     let told: Vec<Value> = places
         .iter()
@@ -62,8 +98,11 @@ pub(super) fn places(
             if let Some(labels) = own {
                 class(labels, index, &mut told);
             }
-            if let Some(labels) = beside {
+            if let Some(labels) = labels_beside {
                 class(labels, index, &mut told);
+            }
+            if let Some(mask) = mask_beside {
+                told.insert("inside_mask".to_owned(), json!(mask.inside()[grid.linear(index)] != 0));
             }
             Ok(Value::Object(told))
         })

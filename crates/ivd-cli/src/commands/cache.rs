@@ -1,5 +1,6 @@
 //! `ivd cache`.
 
+use ivd_core::counted;
 use serde_json::json;
 
 use crate::args::CacheAction;
@@ -20,7 +21,8 @@ pub(super) fn run(action: Option<CacheAction>, context: &Context) -> anyhow::Res
             let object = json!({ "folder": folder, "bytes": bytes, "entries": rows });
             context.print(&object, || {
                 let place = folder.map_or_else(|| "off".to_owned(), |f| f.display().to_string());
-                format!("{place}\n{} entries, {:.1} MiB", entries.len(), bytes as f64 / f64::from(1 << 20))
+                let count = counted(entries.len(), "entry", "entries");
+                format!("{place}\n{count}, {:.1} MiB", bytes as f64 / f64::from(1 << 20))
             })
         }
         CacheAction::Prune { keep } => freed(cache.prune(keep)?, context),

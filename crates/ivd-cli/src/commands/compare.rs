@@ -3,23 +3,41 @@
 use std::path::Path;
 
 use ivd_artefact::Cache;
-use ivd_core::{Artefact, Displacement, Grid, Kind, Labels, Mask, Value as _, Volume};
-use ivd_pipeline::Input;
+use ivd_core::{Artefact, Displacement, Grid, Kind, Labels, Mask, Value as _, Volume, VoxelCoord, counted};
+use ivd_pipeline::stages::ImportLabels;
+use ivd_pipeline::{Input, Inputs};
 use serde_json::json;
 
 use crate::context::Context;
-use crate::exit::Failure;
+use crate::exit::{Failure, error_class};
 use crate::files::{file_for, volume_or_artefact};
+use crate::stages::look_like_labels;
 
-/// Tells the error between two artefacts of one kind. A file of another program is taken for what the artefact beside it is.
-pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {
-    let [first, second] = [beside(a, b, context)?, beside(b, a, context)?];
+/// Tells the error between two artefacts of one kind. A file of another program is taken for what the artefact beside it is, and volumes
+/// are taken for labels where that is said.
+pub(super) fn run(a: &Path, b: &Path, labels: bool, context: &Context) -> anyhow::Result<()> {
+    let [first, second] = if labels {
+        [labels_of(a, context)?, labels_of(b, context)?]
+    } else {
+        [beside(a, b, context)?, beside(b, a, context)?]
+    };
+    if let (Artefact::Volume(first), Artefact::Volume(second)) = (&*first.artefact, &*second.artefact)
+        && context.exec.run(|| [first, second].into_iter().all(look_like_labels))
+    {
+        context.say(
+            "ivd: note: both look like labels (few whole numbers, alike in voxels beside each other), and are compared as numbers; --labels tells how far \
+             each label of one overlaps that of the other (Dice)",
+        );
+    }
     let mut error = ivd_pipeline::compare(&first.artefact, &second.artefact, &context.exec)?;
     if let Some(unproven) = error["unproven"].as_u64().filter(|n| *n > 0) {
         context.say(&format!(
-            "ivd: note: {unproven} classes of {} overlap those of {} in too great a tangle for the best matching; they \
-             are matched by Dice, the largest first",
-            a.display(),
+            "ivd: note: {} those of {} in too great a tangle for the best matching; they are matched by Dice, the largest first",
+            counted(
+                unproven,
+                &format!("class of {} overlaps", a.display()),
+                &format!("classes of {} overlap", a.display())
+            ),
             b.display()
         ));
     }
@@ -28,12 +46,37 @@ pub(super) fn run(a: &Path, b: &Path, context: &Context) -> anyhow::Result<()> {
     error["equal"] = json!(first.hash == second.hash);
     if first.hash != second.hash {
         let differing = differing(&first.artefact, &second.artefact);
+        let apart = apart_mm(&first.artefact, &second.artefact);
         if !differing.is_empty() {
-            context.say(&format!("ivd: note: they differ in their {}", differing.join(", ")));
+            let by = apart.map_or_else(String::new, |mm| {
+                format!("; their voxels lie apart by {mm:.1e} mm at most, which counts as the same place")
+            });
+            context.say(&format!("ivd: note: they differ in their {}{by}", differing.join(", ")));
+        }
+        if let Some(mm) = apart {
+            error["apart_mm"] = json!(mm);
         }
         error["differs_in"] = json!(differing);
     }
     context.print(&error, || format!("{error:#}"))
+}
+
+/// A file's labels: its own, or its numbers taken for some.
+fn labels_of(file: &Path, context: &Context) -> anyhow::Result<Input> {
+    let off = Cache::disabled();
+    let read = file_for(file, &[Kind::Labels], &off, context)?;
+    let kind = read.artefact.kind();
+    if kind == Kind::Labels {
+        return Ok(read);
+    }
+    if kind != Kind::Volume {
+        return Err(Failure::usage(format!(
+            "compare --labels {}: a {kind} artefact; give labels, or volumes whose numbers are labels",
+            file.display()
+        )));
+    }
+    let done = context.run(&off, &ImportLabels, &Inputs::default().with("volume", read));
+    Ok(done.map_err(|e| Failure::of(error_class(&e), format!("{}: {e}", file.display())))?.input())
 }
 
 /// A file's value, to be compared with another's.
@@ -85,6 +128,19 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
     });
     let all = differences.into_iter().chain(places.into_iter().flatten());
     all.filter_map(|(what, differs)| differs.then_some(what)).collect()
+}
+
+/// How far the voxels of one lie from those of the other at most (mm), where their grids count as one and aren't the same to the last bit.
+fn apart_mm(a: &Artefact, b: &Artefact) -> Option<f64> {
+    let (here, there) = grid_of(a).zip(grid_of(b))?;
+    let corner = |grid: &Grid, corner: usize| {
+        let last = grid.dims().map(|n| n as f64 - 1.0);
+        let voxel = [0, 1, 2].map(|a| if corner >> a & 1 == 1 { last[a] } else { 0.0 });
+        grid.world(VoxelCoord(voxel.into())).0
+    };
+    // Both are affine in the voxel: what lies apart most is a corner.
+    let apart = (0..8).map(|at| (corner(here, at) - corner(there, at)).norm()).fold(0.0, f64::max);
+    (apart > 0.0).then_some(apart)
 }
 
 fn grid_of(artefact: &Artefact) -> Option<&Grid> {

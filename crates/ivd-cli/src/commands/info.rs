@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
-use ivd_core::Classified as _;
+use ivd_core::{Classified as _, counted};
 use ivd_io::volume::ReadOptions;
 use ivd_io::volume::dicom::{self, Series};
 use ivd_pipeline::describe;
@@ -46,8 +46,10 @@ fn series_line(series: &Series) -> String {
         .map_or_else(String::new, |mm| format!(", slices unevenly spaced by up to {mm:.4} mm"));
     let refused = series.unreadable.map_or_else(String::new, |what| format!("; not readable: {what}"));
     format!(
-        "{word}: {}, `{}`, {} slices of {columns}×{rows}, {x} × {y} × {z} mm{uneven}{refused}",
-        series.modality, series.description, series.slices
+        "{word}: {}, `{}`, {} of {columns}×{rows}, {x} × {y} × {z} mm{uneven}{refused}",
+        series.modality,
+        series.description,
+        counted(series.slices, "slice", "slices")
     )
 }
 
@@ -61,15 +63,15 @@ pub(super) struct Asked<'a> {
     pub(super) voxels: &'a [[i64; 3]],
     /// Places (mm, RAS) of a volume.
     pub(super) places: &'a [[f64; 3]],
-    /// Labels whose class at the places is told.
-    pub(super) labels: Option<&'a Path>,
+    /// Labels and a mask of which is told what they have at the places.
+    pub(super) beside: at::Beside<'a>,
 }
 
 /// Tells what a file holds, what lies at places of it, or of a lattice where vertices and voxels belong.
 pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::Result<()> {
-    let Asked { series, vertices, voxels, places, labels } = asked;
+    let Asked { series, vertices, voxels, places, beside } = asked;
     if !places.is_empty() {
-        let object = at::places(file, series, places, labels, context)?;
+        let object = at::places(file, series, places, beside, context)?;
         return context.print(&object, || lines("", &object).join("\n"));
     }
     if !(vertices.is_empty() && voxels.is_empty()) {
@@ -221,5 +223,10 @@ fn bars(histogram: &Map<String, Value>) -> Vec<String> {
 fn shown(number: f64, width: f64) -> String {
     let places = if width > 0.0 { (2.0 - width.log10()).clamp(0.0, 12.0) as usize } else { 4 };
     let text = format!("{number:.places$}");
+    let text = if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        "0".to_owned()
+    } else {
+        text
+    };
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }

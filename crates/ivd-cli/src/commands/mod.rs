@@ -32,14 +32,15 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo { out } => pipeline::demo(&out, context),
         Command::Pipeline(args) => pipeline::run(&args, context),
-        Command::Import { source, labels, mask, displacement, like, raw, output } => {
+        Command::Import { source, labels, mask, displacement, like, grid_of, raw, output } => {
             let taken = match (labels, mask, displacement) {
                 (_, _, Some(direction)) => volume::Taken::Displacement(direction),
                 (true, _, None) => volume::Taken::Labels,
                 (false, true, None) => volume::Taken::Mask,
                 (false, false, None) => volume::Taken::Volume,
             };
-            volume::import(&source, taken, like.as_deref(), &raw, &output.path, context)
+            let others = volume::Others { like: like.as_deref(), grid_of: grid_of.as_deref() };
+            volume::import(&source, taken, others, &raw, &output.path, context)
         }
         Command::Phantom { name, size, truth, noise, voxel_type, seed, contrast, output } => {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed, &contrast)?;
@@ -50,12 +51,13 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             export::export(&artefact, &output, &choice, context)
         }
         Command::Info { file, series: Some(None), at, .. } if at.is_empty() => info::series(&file, context),
-        Command::Info { file, series, vertex, voxel, at, labels } => {
-            let (series, labels) = (series.flatten(), labels.as_deref());
-            let asked = info::Asked { series, vertices: &vertex, voxels: &voxel, places: &at, labels };
+        Command::Info { file, series, vertex, voxel, at, labels, mask } => {
+            let (series, beside) =
+                (series.flatten(), at::Beside { labels: labels.as_deref(), mask: mask.as_deref() });
+            let asked = info::Asked { series, vertices: &vertex, voxels: &voxel, places: &at, beside };
             info::run(&file, asked, context)
         }
-        Command::Compare { a, b } => compare::run(&a, &b, context),
+        Command::Compare { a, b, labels } => compare::run(&a, &b, labels, context),
         Command::Bench(args) => bench::run(&args, context),
         Command::Doctor => doctor::run(context),
         Command::Schema => {

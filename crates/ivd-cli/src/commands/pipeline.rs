@@ -1,14 +1,14 @@
 //! Scenes: `ivd pipeline` and `ivd demo`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ivd_budget::{Budget, BudgetedReport};
 use ivd_pipeline::scene::{self, Loaded};
-use ivd_pipeline::{PipelineOptions, default_out};
+use ivd_pipeline::{Before, PipelineOptions, default_out};
 
 use crate::args::Pipeline;
 use crate::context::Context;
-use crate::exit::Failure;
+use crate::exit::{Failure, Unfinished};
 
 /// The scene of the demo: a generated head, its nose pressed in.
 const DEMO: &str = include_str!("../../../../fixtures/scenes/bust.toml");
@@ -18,16 +18,32 @@ pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
     let scene = scene::parse(DEMO, &[]).map_err(Failure::usage)?;
     let loaded = Loaded { scene, folder: ".".into(), file: "demo.toml".into() };
     let options = PipelineOptions { out: out.to_owned(), ..PipelineOptions::default() };
-    let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)?;
+    let before = Before::look(Some(&loaded.scene), out);
+    let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)
+        .map_err(|error| Unfinished::of(error.into(), before.left()))?;
     let page = report.outputs.iter().find(|o| o.name == "report").map(|o| o.path.display().to_string());
     context.print(&report, || page.unwrap_or_default())
 }
 
 /// `ivd pipeline`.
 pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
-    let loaded = scene::load(&args.scene, &args.overrides)?;
+    let out = args.out.clone().unwrap_or_else(|| default_out(&args.scene));
+    // Who asks for no outputs doesn't look for them.
+    let writes = !args.dry_run && args.until.is_none();
+    let mut before = if writes { Before::look(None, &out) } else { Before::default() };
+    let done = scene::load(&args.scene, &args.overrides).map_err(anyhow::Error::from).and_then(|loaded| {
+        if writes {
+            before = Before::look(Some(&loaded.scene), &out);
+        }
+        run_loaded(&loaded, out, args, context)
+    });
+    done.map_err(|error| Unfinished::of(error, before.left()))
+}
+
+/// The same for a scene that was read.
+fn run_loaded(loaded: &Loaded, out: PathBuf, args: &Pipeline, context: &Context) -> anyhow::Result<()> {
     let options = PipelineOptions {
-        out: args.out.clone().unwrap_or_else(|| default_out(&args.scene)),
+        out,
         input: args.input.clone(),
         until: args.until.clone(),
         force: args.force.iter().cloned().collect(),
@@ -39,7 +55,7 @@ pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
         pinned: args.overrides.iter().map(|o| o.path.join(".")).collect(),
         ..Budget::default()
     };
-    let report = ivd_budget::run(&loaded, &options, &budget, &context.pipeline_cache()?, &context.exec)?;
+    let report = ivd_budget::run(loaded, &options, &budget, &context.pipeline_cache()?, &context.exec)?;
     context.print(&report, || text(&report, args.explain || args.dry_run))
 }
 

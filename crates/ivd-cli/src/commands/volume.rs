@@ -29,11 +29,20 @@ pub(super) enum Taken {
     Displacement(Option<Direction>),
 }
 
-/// `ivd import`; `like`: a volume onto whose grid it is put.
+/// Other files whose grids count.
+#[derive(Default, Clone, Copy)]
+pub(super) struct Others<'a> {
+    /// A volume onto whose grid it is put, by where its voxels lie.
+    pub(super) like: Option<&'a Path>,
+    /// A file whose grid is taken in place of its own.
+    pub(super) grid_of: Option<&'a Path>,
+}
+
+/// `ivd import`.
 pub(super) fn import(
     source: &Path,
     taken: Taken,
-    like: Option<&Path>,
+    Others { like, grid_of }: Others<'_>,
     raw: &Raw,
     output: &Path,
     context: &Context,
@@ -55,18 +64,38 @@ pub(super) fn import(
         return finish(&stage, done, output, context);
     }
     let options = options(raw)?;
-    if of_artefact {
+    if of_artefact && grid_of.is_none() {
         return again(source, taken, like, options == ReadOptions::default(), output, &cache, context);
     }
     if like.is_some() && taken == Taken::Volume {
         return Err(what_is_put(source));
     }
-    let stage = Import { source: ImportSource::File { path: source.to_owned(), options } };
-    let done = context.run(&cache, &stage, &Inputs::default())?;
-    match drawn(taken) {
-        None => finish(&stage, done, output, context),
-        Some(stage) => take(stage, done.input(), like, output, &cache, context),
+    if of_artefact {
+        must_hold_a_volume(source)?;
     }
+    let grid_of = grid_of.map(Path::to_owned);
+    let stage = Import { source: ImportSource::File { path: source.to_owned(), options, grid_of } };
+    let done = context.run(&cache, &stage, &Inputs::default())?;
+    let Some(drawn) = drawn(taken) else { return finish(&stage, done, output, context) };
+    // What is made of the volume is told by its own record.
+    if let Some(remark) = &done.record.remark {
+        context.say(&format!("ivd: note: {}: {remark}", done.record.stage));
+    }
+    take(drawn, done.input(), like, output, &cache, context)
+}
+
+/// Labels and masks that are artefacts got their grid when they were made.
+fn must_hold_a_volume(artefact: &Path) -> anyhow::Result<()> {
+    let kind = ivd_artefact::peek(artefact)?.kind;
+    if kind == Kind::Volume {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "{}: --grid-of is of a volume's artefact or of another program's file, and this artefact holds {}; import the file that it was made of \
+         again, with --grid-of",
+        artefact.display(),
+        held(kind)
+    )))
 }
 
 /// The error about a volume that is to be put onto another's grid.

@@ -27,6 +27,7 @@ use arguments::{slots, with_arguments};
 use hooks::hooks;
 pub(crate) use offer::Offer;
 use offer::named;
+pub(crate) use own_labels::look_like_labels;
 use typed::{Typed, check_shared, check_unread, file_of};
 
 /// What was asked for.

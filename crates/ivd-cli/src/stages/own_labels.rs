@@ -126,17 +126,21 @@ pub(crate) fn for_warp(inputs: Inputs, _: &Section, _: &Cache, context: &Context
 }
 
 /// Whether a volume holds few whole numbers, four times of five the same in voxels beside each other, and is no mask of two.
-fn look_like_labels(volume: &Volume) -> bool {
-    let is_plain = (volume.slope(), volume.intercept()) == (1.0, 0.0);
-    if !is_plain || !volume.voxel_type().is_integer() {
+pub(crate) fn look_like_labels(volume: &Volume) -> bool {
+    if (volume.slope(), volume.intercept()) != (1.0, 0.0) {
         return false;
     }
     let row = volume.grid().dims()[0];
     with_voxels!(volume.voxels(), voxels => {
         let rows = voxels.len() / row;
         let looked_at = || voxels.chunks(row).step_by(rows.div_ceil(ROWS).max(1));
-        let seen: BTreeSet<i64> = looked_at().flatten().map(|value| value.to_f64() as i64).collect();
+        let mut seen = BTreeSet::new();
+        for value in looked_at().flatten().map(|value| value.to_f64()) {
+            if value.fract() != 0.0 || (seen.insert(value as i64) && seen.len() > MOST_PARTS) {
+                return false;
+            }
+        }
         let [pairs, alike] = pairs_alike(looked_at());
-        (3..=MOST_PARTS).contains(&seen.len()) && pairs >= FEWEST && 5 * alike >= 4 * pairs
+        seen.len() >= 3 && pairs >= FEWEST && 5 * alike >= 4 * pairs
     })
 }

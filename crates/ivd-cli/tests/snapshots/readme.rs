@@ -143,6 +143,7 @@ fn stand_ins(folder: &Path, readme: &str) {
         folder,
         &[
             "phantom head --size 64 -o small.ivd --truth organs.nrrd --quiet",
+            "export small.ivd -o their-scan.nii.gz --quiet",
             "phantom head --size 128 --type u16 -o scan.ivd --quiet",
             "phantom sphere --size 128 -o tool.ivd --quiet",
             "lattice tool.ivd --iso 127.5 -o ball.ivd --quiet",

@@ -31,10 +31,10 @@ pub struct Cuboid {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ClipParams {
-    /// Half spaces that are kept, each with its plane.
+    /// Half spaces that are kept, each with its plane: the voxels whose middles lie there. A lattice of what is kept ends up to a voxel from the plane.
     #[schemars(extend("x-alias" = ["plane"]))]
     pub planes: Vec<HalfSpace>,
-    /// Boxes along the world's axes that are kept, with their faces.
+    /// Boxes along the world's axes that are kept, with their faces: the voxels whose middles lie there.
     #[schemars(extend("x-alias" = ["box"]))]
     pub boxes: Vec<Cuboid>,
     /// Of labels that tag: the class meant; without it every label but 0.

@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use ivd_core::{Exec, Volume, VoxelType};
+use ivd_core::{Exec, Volume, VoxelType, counted};
 use serde::{Deserialize, Serialize};
 
 use crate::volume::data::{DataFile, Encoding, Frames, Start};
@@ -51,9 +51,10 @@ pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volum
     if let Some(left @ 1..) = std::fs::metadata(path).ok().and_then(|file| file.len().checked_sub(read)) {
         let [x, y, z] = layout.dims;
         exec.observer().note(&format!(
-            "{}: {left} bytes are left over after {x} × {y} × {z} voxels of {}; where they belong to the volume, give other --raw-dims, --raw-type \
+            "{}: {} left over after {x} × {y} × {z} voxels of {}; where they belong to the volume, give other --raw-dims, --raw-type \
              or --raw-skip (in a scene dims, type, skip of input.raw)",
             path.display(),
+            counted(left, "byte is", "bytes are"),
             layout.voxel_type.name(),
         ));
     }

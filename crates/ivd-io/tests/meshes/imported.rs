@@ -272,7 +272,7 @@ fn a_mesh_outside_the_grid_or_crowded_in_a_voxel_is_refused_with_the_remedy() {
     assert_eq!((edge.keys()[0].voxel([12; 3]), edge.keys()[7].voxel([12; 3])), ([-1; 3], [12; 3]));
 
     let message = refused(&bumpy(4, 5.1, 5.9, 1));
-    assert!(message.contains("1 voxels hold more than 8 vertices, the first 98 of them"), "{message}");
+    assert!(message.contains("1 voxel holds more than 8 vertices, the first 98 of them"), "{message}");
     assert!(message.contains("voxel [5, 5, 5]") && message.contains("finer grid"), "{message}");
     let fine = Grid::new([40; 3], [0.05; 3], [4.9; 3], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     assert!(measure(&put(&bumpy(4, 5.1, 5.9, 1), &fine.unwrap()).lattice).is_closed_manifold());

@@ -1,6 +1,6 @@
 //! Addresses of vertices: those that a mesh carries, and new ones.
 
-use ivd_core::{ElementKey, Grid, Mesh, MeshAddress};
+use ivd_core::{ElementKey, Grid, Mesh, MeshAddress, counted};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -139,8 +139,8 @@ pub(super) fn check_inside(mesh: &Mesh, grid: &Grid) -> Result<(), Error> {
             (low.inf(&p), high.sup(&p))
         });
     let problem = format!(
-        "{outside} of {} vertices lie outside the grid with one voxel round it; vertex {first} is at {}, and the grid reaches from {} to {}",
-        mesh.positions.len(),
+        "{outside} of {} outside the grid with one voxel round it; vertex {first} is at {}, and the grid reaches from {} to {}",
+        counted(mesh.positions.len(), "vertex lies", "vertices lie"),
         place(&mesh.positions[first]),
         place(&low),
         place(&high)
@@ -164,8 +164,8 @@ pub(super) fn assign(kept: &[u32], mesh: &Mesh, grid: &Grid) -> Result<Vec<Addre
     let voxels = || order.chunk_by(|&a, &b| found[a as usize].key == found[b as usize].key);
     if let Some(voxel) = voxels().find(crowded) {
         let problem = format!(
-            "{} voxels hold more than {ELEMENTS} vertices, the first {} of them at {} (voxel {:?})",
-            voxels().filter(crowded).count(),
+            "{} more than {ELEMENTS} vertices, the first {} of them at {} (voxel {:?})",
+            counted(voxels().filter(crowded).count(), "voxel holds", "voxels hold"),
             voxel.len(),
             place(&mesh.positions[kept[voxel[0] as usize] as usize]),
             found[voxel[0] as usize].key.voxel(frame.dims)

@@ -30,7 +30,7 @@ mod part;
 mod refusal;
 mod weld;
 
-use ivd_core::{Exec, Grid, Lattice, Mesh, ParamError};
+use ivd_core::{Exec, Grid, Lattice, Mesh, ParamError, counted};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -172,8 +172,8 @@ fn build(mesh: &Mesh, grid: &Grid, params: &ImportParams, exec: &Exec) -> Result
     let turned = orient::turn(&mesh.positions, &mut cleaned.triangles, exec)?;
     if turned.one_sided_edges > 0 && !params.allow_open {
         let problem = format!(
-            "it has one side alone: {} edges have triangles that can't agree, the first at {}",
-            turned.one_sided_edges,
+            "it has one side alone: {} triangles that can't agree, the first at {}",
+            counted(turned.one_sided_edges, "edge has", "edges have"),
             place(&mesh.positions[turned.first_one_sided as usize])
         );
         return Err(unfit(problem, "repair it, or allow open meshes"));

@@ -153,6 +153,19 @@ pub(crate) fn enclosed_volumes(lattice: &Lattice) -> Vec<f64> {
     sizes.iter().filter(|size| size.triangles > 0).map(|size| size.volume.abs()).collect()
 }
 
+/// How many of the components that enclose less than a share of what the largest does have a vertex of which `is_there` holds.
+pub fn small_components(lattice: &Lattice, share: f64, is_there: impl Fn(usize) -> bool) -> u64 {
+    let roots = component_roots(lattice);
+    let sizes = sizes(lattice, &roots);
+    let limit = share * sizes.iter().map(|size| size.volume.abs()).fold(0.0, f64::max);
+    let is_small = |root: usize| sizes[root].triangles > 0 && sizes[root].volume.abs() < limit;
+    let mut found: Vec<u32> =
+        (0..roots.len()).filter(|&v| is_small(roots[v] as usize) && is_there(v)).map(|v| roots[v]).collect();
+    found.sort_unstable();
+    found.dedup();
+    found.len() as u64
+}
+
 /// The size of each component, at its first vertex.
 fn sizes(lattice: &Lattice, roots: &[u32]) -> Vec<Size> {
     let positions = lattice.local_positions();

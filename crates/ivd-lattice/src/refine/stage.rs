@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::repair::{RepairParams, repair};
 use super::{
-    Locks, RefineParams, RefineStatus, Refined, chain, distances, refine, vertices_within, with_levels,
+    Locks, RefineParams, RefineStatus, Refined, Target, chain, distances, refine, vertices_within,
+    with_levels,
 };
 use crate::Error;
 use crate::figures::measure;
@@ -87,6 +88,10 @@ pub struct RefineFigures {
     /// Vertices that were locked.
     #[schemars(extend("x-unit" = "1"))]
     pub locked: usize,
+    /// The error that was asked for, where that was the target: it is kept, and as many vertices went as can within it.
+    #[schemars(extend("x-unit" = "mm"))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within_mm: Option<f64>,
     /// The levels of a chain.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub levels: Vec<LevelFigures>,
@@ -127,9 +132,13 @@ pub struct LevelFigures {
 }
 
 impl RefineFigures {
-    /// Why the target wasn't reached, for a person; `None` where it was.
+    /// Why the target wasn't reached, or it gets no coarser within the error asked for, for a person; `None` where it was.
     pub fn shortfall(&self) -> Option<String> {
-        self.last.reached.stopped_by.why().map(|why| format!("the target isn't reached: {why}"))
+        let why = self.last.reached.stopped_by.why()?;
+        Some(match self.within_mm {
+            Some(mm) => format!("within {mm} mm, as asked for, it gets no coarser: {why}"),
+            None => format!("the target isn't reached: {why}"),
+        })
     }
 }
 
@@ -195,6 +204,10 @@ impl Op for Refinement {
         };
         figures.components_removed = repaired.as_ref().map_or(0, |repaired| repaired.done.components_removed);
         figures.locked = locked.len();
+        figures.within_mm = match self.params.target.get() {
+            Target::MaxError(mm) if self.chain.is_empty() => Some(mm),
+            Target::MaxError(_) | Target::Level(_) | Target::Ratio(_) | Target::Count(_) => None,
+        };
         Ok((refined, figures))
     }
 }
@@ -222,6 +235,7 @@ fn single(input: &Lattice, refined: Refined, exec: &Exec) -> Result<(Lattice, Re
         components: Some(f.components),
         components_removed: 0,
         locked: 0,
+        within_mm: None,
         levels: Vec::new(),
     };
     Ok((refined.lattice, figures))
@@ -262,6 +276,7 @@ fn chain_figures(
         components: None,
         components_removed: 0,
         locked: 0,
+        within_mm: None,
         levels,
     })
 }

@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, Lattice};
 use ivd_lattice::figures::measure;
-use ivd_lattice::repair::{RepairParams, Repaired, repair};
+use ivd_lattice::repair::{RepairParams, Repaired, repair, small_components};
 use nalgebra::Vector3;
 
 use crate::refine::{lattices, sampled};
@@ -47,6 +47,21 @@ fn specks_go_by_triangles_area_or_volume_and_the_ball_stays() {
     }
     let all = repaired(&lattice, &RepairParams { min_triangles: u64::MAX, ..none });
     assert!(all.lattice.keys().is_empty() && all.lattice.triangles().is_empty());
+}
+
+#[test]
+fn small_components_are_counted_where_something_holds_of_a_vertex() {
+    let lattice = lattices::ball_and_specks(48);
+    let all = measure(&lattice).components;
+    assert_eq!(small_components(&lattice, 0.01, |_| true), all - 1, "all but the ball");
+    assert_eq!(small_components(&lattice, 0.01, |_| false), 0);
+    assert_eq!(small_components(&lattice, 0.0, |_| true), 0);
+    // A plane apart, both sides together have all, and those that it cuts twice.
+    let places = lattice.local_positions();
+    let below = small_components(&lattice, 0.01, |v| places[v].z < 20.2);
+    let above = small_components(&lattice, 0.01, |v| places[v].z >= 20.2);
+    let cut = below + above - (all - 1);
+    assert!(below > 50 && above > 50 && cut < all / 10, "{below} {above} {cut}");
 }
 
 /// Largest longest side over least height.

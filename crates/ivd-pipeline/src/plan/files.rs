@@ -17,7 +17,10 @@ pub(super) fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Er
     let section: &InputSection = &loaded.scene.input;
     let file = input.map(Path::to_owned).or_else(|| section.file.as_ref().map(|f| loaded.folder.join(f)));
     let source = match (file, section.phantom) {
-        (Some(path), _) => ImportSource::File { path, options: read_options(section) },
+        (Some(path), _) => {
+            let grid_of = section.grid_of.as_ref().map(|file| loaded.folder.join(file));
+            ImportSource::File { path, options: read_options(section), grid_of }
+        }
         (None, Some(shape)) => {
             let base = ivd_phantom::Params::default();
             ImportSource::Phantom(ivd_phantom::Params {

@@ -320,9 +320,11 @@ impl Plan {
                 self.nodes[result].outputs.push("report");
                 self.need(result, "output.report");
             }
-            let (moved, labels) = (self.giver("displacement"), self.giver("labels"));
-            let (moves, classes) = (self.nodes[moved].stage.is_some(), self.nodes[labels].id);
-            self.nodes[moved].beside.push(classes);
+            let [moved, labels, lattice] =
+                ["displacement", "labels", "lattice"].map(|value| self.giver(value));
+            let moves = self.nodes[moved].stage.is_some();
+            let shown = [labels, lattice].map(|at| self.nodes[at].id);
+            self.nodes[moved].beside.extend(shown);
             self.nodes[moved].outputs.push("report");
             self.need(if moves { moved } else { self.giver("lattice") }, "output.report");
         }

@@ -27,6 +27,8 @@ pub(crate) struct ReportData {
     pub(crate) decisions: Decisions,
     /// What each class of voxels gains or loses.
     pub(crate) class_volumes: Vec<ClassVolume>,
+    /// Small parts of the lattice that lie where something moves; `None` where nothing does, or no lattice is there.
+    pub(crate) specks_moved: Option<u64>,
     /// Length of each moved vertex's displacement (mm).
     pub(crate) displacements: Vec<f64>,
 }

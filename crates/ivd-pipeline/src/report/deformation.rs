@@ -11,6 +11,7 @@ use ivd_motion::deform;
 use ivd_report::html::number;
 use ivd_report::{Bars, Cell, MOST_ROWS, bars, histogram, pairs, shortened_table, shown, table};
 
+use super::plain;
 use crate::{Error, StageRecord, figures_of};
 
 /// The figures of a deformation.
@@ -25,6 +26,8 @@ pub(super) struct Moves {
 struct Carried {
     voxels_moved: u64,
     min_det_j: f64,
+    /// Voxels that are squeezed as a whole, where that is told.
+    squeezed: Option<u64>,
     folds: u64,
     residual_voxel: f64,
     det_j: Histogram,
@@ -46,8 +49,9 @@ impl Moves {
 impl From<MapFigures> for Carried {
     fn from(found: MapFigures) -> Self {
         let MapFigures { voxels_moved, min_det_j, folds, inverse_residual_max_voxel, .. } = found;
+        let squeezed = found.squeezed.map(|squeezed| squeezed.voxels);
         let (residual_voxel, det_j) = (inverse_residual_max_voxel, found.det_j_histogram);
-        Self { voxels_moved, min_det_j, folds, residual_voxel, det_j }
+        Self { voxels_moved, min_det_j, squeezed, folds, residual_voxel, det_j }
     }
 }
 
@@ -55,7 +59,7 @@ impl From<SpaceFigures> for Carried {
     fn from(found: SpaceFigures) -> Self {
         let SpaceFigures { voxels_moved, min_det_j, folds, inverse_residual_max_voxel, .. } = found;
         let (residual_voxel, det_j) = (inverse_residual_max_voxel, found.det_j_histogram);
-        Self { voxels_moved, min_det_j, folds, residual_voxel, det_j }
+        Self { voxels_moved, min_det_j, squeezed: None, folds, residual_voxel, det_j }
     }
 }
 
@@ -69,9 +73,15 @@ pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
             "volume inside the lattice, rest → deformed (mm³)",
             enclosed(map.as_ref().map(|map| map.followed.volume_mm3)),
         ),
-        ("smallest det J, certified", shown(last.min_det_j)),
-        ("folds", shown(last.folds)),
-        ("inverse, largest residual [voxels]", shown(last.residual_voxel)),
+        (
+            "smallest det J, certified",
+            plain::with(&shown(last.min_det_j), plain::smallest_det_j(last.min_det_j, last.squeezed)),
+        ),
+        ("folds", plain::with(&shown(last.folds), plain::folds(last.folds))),
+        (
+            "inverse, largest residual [voxels]",
+            plain::with(&shown(last.residual_voxel), plain::inverse_residual(last.residual_voxel)),
+        ),
     ]);
     let plain = |_: f64| "#5b7a99".to_owned();
     if !lengths.is_empty() {
@@ -91,7 +101,7 @@ pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
     html += &bars(&Bars {
         range: [last.det_j.lower, last.det_j.upper],
         counts: &last.det_j.counts,
-        x_label: "det J of touched cells: local volume change (1 = unchanged)",
+        x_label: "det J of touched cells: what is left of a volume of 1 (1: as it was; below 0.1: nearly flat)",
         y_label: "cells",
         logarithmic: true,
         marks: vec![(1.0, "1".to_owned())],

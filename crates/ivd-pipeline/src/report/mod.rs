@@ -7,10 +7,12 @@ mod colours;
 mod data;
 mod deformation;
 mod page;
+mod plain;
 mod segmentation;
 mod summary;
 
-use ivd_core::{Image, Labels, Motion, TransferFunction};
+use ivd_core::{Displacement, Image, Labels, Lattice, Motion, TransferFunction};
+use ivd_lattice::repair::small_components;
 use nalgebra::Vector3;
 
 use crate::Error;
@@ -21,13 +23,26 @@ pub(crate) use page::html;
 pub(crate) use summary::input;
 
 /// Raised whenever the same data gives another page.
-pub(crate) const REVISION: u32 = 9;
+pub(crate) const REVISION: u32 = 10;
 
 /// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {
     let last = motion.frames().last();
     let lengths = last.into_iter().flat_map(|f| &f.displacement[..]).map(|&d| Vector3::from(d).norm());
     lengths.filter(|length| *length > 0.0).collect()
+}
+
+/// Share of the largest part's volume below which others are told as small.
+const SMALL: f64 = 0.01;
+
+/// Small parts of a lattice with a vertex in a voxel that moves.
+pub(crate) fn specks_moved(lattice: &Lattice, displacement: &Displacement) -> u64 {
+    let (grid, field) = (displacement.grid(), displacement.forward());
+    let moves = |vertex: usize| {
+        let voxel = grid.nearest_voxel(grid.voxel(lattice.world(vertex)).0);
+        voxel.is_some_and(|voxel| field.at(voxel) != [0.0; 3])
+    };
+    small_components(lattice, SMALL, moves)
 }
 
 /// The middle slices of a labelling, coloured as in pictures by a transfer function.

@@ -36,7 +36,10 @@ pub(crate) fn html(
     let mut page = Page::new(&name);
     page.pictures(&pictures(data)?);
     let lettered = is_lettered(records);
-    page.section("What was asked, and what was done", &body_or_problem(summary(loaded, records)));
+    page.section(
+        "What was asked, and what was done",
+        &body_or_problem(summary(loaded, records, data.specks_moved)),
+    );
     if let (Some(moved), Some(Artefact::Volume(volume))) = (&data.moved, data.volume.as_deref()) {
         page.section("Slices through what moves furthest", &moved.html(volume.grid(), lettered, png_bytes)?);
     }

@@ -1,6 +1,7 @@
 //! What was asked and what was done: what moved, how far, and whether to trust it, on one screen.
 
 use ivd_boundary::BoundaryFigures;
+use ivd_core::counted;
 use ivd_field::clip::{self, ClipFigures};
 use ivd_field::combine::{self, CombineFigures};
 use ivd_lattice::extract::{self, LatticeFigures};
@@ -12,18 +13,23 @@ use ivd_report::html::{escape, number};
 use ivd_report::{Cell, Figure, figures, pairs, shown, table};
 use serde_json::Value as Json;
 
-use super::asked;
+use super::{asked, plain};
 use crate::scene::{Loaded, Scene};
 use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
 
 /// The settings, the handles, what came of them, and what to know about it.
-pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String, Error> {
+/// `specks_moved`: small parts of the lattice that lie where something moves.
+pub(super) fn summary(
+    loaded: &Loaded,
+    records: &[StageRecord],
+    specks_moved: Option<u64>,
+) -> Result<String, Error> {
     let scene = &loaded.scene;
     let done = figures_of::<deform::Figures>(records, deform::STAGE.name)?;
     let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
     let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
-    let told = told(records)?;
+    let told = told(records, specks_moved, map.as_ref())?;
     let mut html = verdict(&told, map.as_ref(), space.as_ref());
     html += &pairs(&settings(loaded, records)?);
     if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {
@@ -38,9 +44,10 @@ pub(super) fn summary(loaded: &Loaded, records: &[StageRecord]) -> Result<String
     html += &figures(&outcome);
     if !told.is_empty() {
         html += "<ul class='told'>";
-        html.extend(
-            told.iter().map(|(about, text)| format!("<li><b>▲ Look at:</b> {about}: {}</li>", escape(text))),
-        );
+        html.extend(told.iter().map(|Told { about, text, warns }| {
+            let sign = if *warns { "<b>▲ Look at:</b>" } else { "Note:" };
+            format!("<li>{sign} {about}: {}</li>", escape(text))
+        }));
         html += "</ul>";
     }
     html += &written(scene);
@@ -60,13 +67,17 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
     }
     if let Some(found) = figures_of::<BoundaryFigures>(records, ivd_boundary::STAGE.name)? {
         let method = method(scene, &ivd_boundary::STAGE);
-        rows.push(("part", format!("{method}; {} voxels", found.voxels)));
+        rows.push(("part", format!("{method}; {}", counted(found.voxels, "voxel", "voxels"))));
     }
     if let Some(found) = figures_of::<LatticeFigures>(records, extract::STAGE.name)? {
         let iso = of_record(records, extract::STAGE.name, "iso");
         rows.push((
             "lattice",
-            format!("cut at {iso}; {} vertices, {} pieces", found.vertices, found.components),
+            format!(
+                "cut at {iso}; {}, {}",
+                counted(found.vertices, "vertex", "vertices"),
+                counted(found.components, "piece", "pieces")
+            ),
         ));
     }
     if let Some(found) = figures_of::<RefineFigures>(records, refine::STAGE.name)? {
@@ -74,19 +85,25 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
         rows.push((
             "refined",
             format!(
-                "by {}; {} of {} vertices, {}at most {} mm off",
+                "by {}; {} of {}, {}at most {} mm off",
                 of_record(records, refine::STAGE.name, "method"),
                 last.vertices,
-                found.vertices_in,
+                counted(found.vertices_in, "vertex", "vertices"),
                 last.seen_error_mm.map_or_else(String::new, |seen| format!("{} mm, ", number(seen))),
                 number(last.max_error_mm)
             ),
         ));
     }
-    for (name, stage) in [("solver", &deform::STAGE), ("map", &ivd_map::STAGE)] {
-        if records.iter().any(|record| record.stage == stage.name && record.output.is_some()) {
-            rows.push((name, method(scene, stage)));
-        }
+    let has_run = |stage: &ivd_core::op::Stage| {
+        records.iter().any(|record| record.stage == stage.name && record.output.is_some())
+    };
+    if has_run(&deform::STAGE) {
+        let method = method(scene, &deform::STAGE);
+        rows.push(("solver", plain::with(&method, plain::solver(&method))));
+    }
+    if has_run(&ivd_map::STAGE) {
+        let method = method(scene, &ivd_map::STAGE);
+        rows.push(("map", plain::with(&method, plain::map(&method))));
     }
     Ok(rows)
 }
@@ -202,8 +219,9 @@ fn outcome(
     if let Some(space) = space {
         rows.extend([
             Figure::new("voxels moved, in the end", "space.voxels_moved", space.voxels_moved),
-            Figure::new("smallest det J, certified", "space.min_det_j", space.min_det_j),
-            Figure::new("folds", "space.folds", space.folds),
+            Figure::new("smallest det J, certified", "space.min_det_j", space.min_det_j)
+                .meaning(plain::smallest_det_j(space.min_det_j, None)),
+            Figure::new("folds", "space.folds", space.folds).meaning(plain::folds(space.folds)),
         ]);
     }
     rows
@@ -288,14 +306,30 @@ fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
     ];
     let voxels = last(Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved));
     let proof = [
-        Figure::new("smallest det J, certified", "map.min_det_j", map.min_det_j),
-        Figure::new("folds", "map.folds", map.folds),
+        Figure::new("smallest det J, certified", "map.min_det_j", map.min_det_j)
+            .meaning(plain::smallest_det_j(map.min_det_j, map.squeezed.map(|squeezed| squeezed.voxels))),
+        Figure::new(
+            "space squeezed to less than a tenth [voxels]",
+            "map.squeezed.voxels",
+            map.squeezed.map(|squeezed| squeezed.voxels),
+        ),
+        Figure::new(
+            "the same [mm³]",
+            "map.squeezed.volume_mm3",
+            map.squeezed.map(|squeezed| squeezed.volume_mm3),
+        ),
+        Figure::new(
+            "its share of what moves",
+            "map.squeezed.share",
+            map.squeezed.map(|squeezed| squeezed.share),
+        ),
+        Figure::new("folds", "map.folds", map.folds).meaning(plain::folds(map.folds)),
     ];
     voxels.into_iter().chain(always).chain(proof.into_iter().filter_map(last)).collect()
 }
 
 /// Whether to trust the result, in one sentence, and what shows it; `told` is what to know before.
-fn verdict(told: &[(String, String)], map: Option<&MapFigures>, space: Option<&SpaceFigures>) -> String {
+fn verdict(told: &[Told], map: Option<&MapFigures>, space: Option<&SpaceFigures>) -> String {
     let then = if space.is_some() { ", before the steps in space" } else { "" };
     let follows = map.filter(|map| map.follows()).map(|map| {
         format!(
@@ -306,12 +340,13 @@ fn verdict(told: &[(String, String)], map: Option<&MapFigures>, space: Option<&S
     let folds = space.map(|space| space.folds).or(map.map(|map| map.folds));
     let whole = (folds == Some(0)).then(|| "it folds nowhere, which is certified".to_owned());
     let shown = follows.into_iter().chain(whole).collect::<Vec<_>>().join(", and ");
-    if told.is_empty() {
+    let mut about: Vec<&str> =
+        told.iter().filter(|told| told.warns).map(|told| told.about.as_str()).collect();
+    about.dedup();
+    if about.is_empty() {
         let shown = if shown.is_empty() { "every stage did what was asked of it".to_owned() } else { shown };
         return format!("<p class='verdict'>✓ <b>Trust:</b> {}.</p>", escape(&shown));
     }
-    let mut about: Vec<&str> = told.iter().map(|(about, _)| about.as_str()).collect();
-    about.dedup();
     let shown = if shown.is_empty() { shown } else { format!(" Apart from that {shown}.") };
     format!(
         "<p class='verdict'>▲ <b>Look at:</b> what is said below of {}, before the result is trusted.{}</p>",
@@ -320,19 +355,58 @@ fn verdict(told: &[(String, String)], map: Option<&MapFigures>, space: Option<&S
     )
 }
 
-/// What to know before the result is trusted: which stages it is of, and what.
-fn told(records: &[StageRecord]) -> Result<Vec<(String, String)>, Error> {
-    let remarks = records.iter().filter_map(|record| Some((record.stage.clone(), record.remark.clone()?)));
-    let mut told: Vec<(String, String)> = remarks.collect();
+/// What to know before the result is trusted.
+struct Told {
+    /// Which stages it is of.
+    about: String,
+    /// What.
+    text: String,
+    /// Whether the result may not be what was meant.
+    warns: bool,
+}
+
+/// What to know before the result is trusted. Specks of the lattice warn where they lie in what moves, and where nothing moves and the
+/// lattice is all that there is; elsewhere they are noted.
+fn told(
+    records: &[StageRecord],
+    specks_moved: Option<u64>,
+    map: Option<&MapFigures>,
+) -> Result<Vec<Told>, Error> {
+    let remarks = records.iter().filter_map(|record| {
+        Some(Told { about: record.stage.clone(), text: record.remark.clone()?, warns: true })
+    });
+    let mut told: Vec<Told> = remarks.collect();
+    let cut = figures_of::<LatticeFigures>(records, extract::STAGE.name)?;
     let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
-    let specks = refined.filter(|found| found.last.reached.stopped_by == StopReason::Specks);
-    let find = |told: &[(String, String)], name: &str| told.iter().position(|(stage, _)| stage == name);
+    // A corner of a voxel that is squeezed hides nothing.
+    let is_plain = map.is_some_and(MapFigures::is_plain);
+    told.iter_mut()
+        .filter(|told| is_plain && told.about == ivd_map::STAGE.name)
+        .for_each(|told| told.warns = false);
+    // As coarse as it gets within an error that is kept: what was asked for.
+    let is_kept = refined.as_ref().is_some_and(|found| found.within_mm.is_some());
+    told.iter_mut()
+        .filter(|told| is_kept && told.about == refine::STAGE.name)
+        .for_each(|told| told.warns = false);
+    let stopped = refined.filter(|found| found.last.reached.stopped_by == StopReason::Specks);
+    let find = |told: &[Told], name: &str| told.iter().position(|told| told.about == name);
+    let in_cut = find(&told, extract::STAGE.name).filter(|_| cut.is_some_and(|cut| cut.vertices > 0));
+    let in_refined = find(&told, refine::STAGE.name).filter(|_| stopped.is_some());
+    let Some(first) = in_cut.or(in_refined) else { return Ok(told) };
+    let (apart, warns) = match specks_moved {
+        Some(0) => ("; none of them lies where something moves", false),
+        Some(1) => ("; one of them lies where something moves", true),
+        Some(_) => ("; some of them lie where something moves", true),
+        None => ("", true),
+    };
+    told[first].text += apart;
+    told[first].warns = warns && (in_cut.is_some() || !is_kept);
     // Small parts that are told of are those that the refinement stops at: one thing to know, with one remedy.
-    if let Some(shortfall) = specks.and_then(|found| found.shortfall())
-        && let (Some(cut), Some(coarse)) = (find(&told, extract::STAGE.name), find(&told, refine::STAGE.name))
+    if let (Some(cut), Some(coarse)) = (in_cut, in_refined)
+        && let Some(shortfall) = stopped.and_then(|found| found.shortfall())
     {
-        let (stage, _) = told.remove(coarse);
-        let (about, text) = &mut told[cut];
+        let Told { about: stage, .. } = told.remove(coarse);
+        let Told { about, text, .. } = &mut told[cut];
         *text = format!("{shortfall}; {text}");
         *about = format!("{about} and {stage}");
     }

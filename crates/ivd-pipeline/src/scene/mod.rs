@@ -120,6 +120,7 @@ impl Scene {
         if let Some(file) = &self.input.file {
             check_beside("input.file", file).map_err(|problem| problem + ", or use --input")?;
         }
+        self.check_grid_of()?;
         self.check_start()?;
         self.check_parts()?;
         let (deforms, result, input) = (self.deforms(), self.has_result(), self.clips_input());
@@ -238,6 +239,21 @@ impl Scene {
         let clip: Option<&SceneClip> = self.get(&ivd_field::clip::STAGE);
         combine.is_some_and(|combine| combine.idle().is_none())
             || clip.is_some_and(|clip| clip.idle().is_none() && clip.of == Whose::Result)
+    }
+
+    /// A file whose grid is taken lies beside the scene, and nothing else says what it says.
+    fn check_grid_of(&self) -> Result<(), String> {
+        let Some(file) = &self.input.grid_of else { return Ok(()) };
+        check_beside("input.grid_of", file)?;
+        let others = [
+            ("phantom", self.input.phantom.is_some()),
+            ("axes", self.input.axes.is_some()),
+            ("spacing", self.input.spacing.is_some()),
+        ];
+        match others.into_iter().find(|(_, given)| *given) {
+            Some((key, _)) => Err(format!("input: grid_of says what {key} does; give one of them")),
+            None => Ok(()),
+        }
     }
 
     /// A drawn start lies beside the scene, and something reads it.

@@ -8,7 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::{Error, Facts, Inputs, Stage, StageOutput};
+use super::grid_of::{GridTaken, on_grid_of};
+use crate::{Error, Facts, Inputs, Metrics, Stage, StageOutput};
 
 /// Name of the stage.
 pub const IMPORT: &str = "import";
@@ -22,6 +23,8 @@ pub enum ImportSource {
         path: PathBuf,
         /// What the format doesn't say.
         options: ReadOptions,
+        /// A file whose grid is taken as it is, in place of its own.
+        grid_of: Option<PathBuf>,
     },
     /// A generated volume.
     Phantom(ivd_phantom::Params),
@@ -58,6 +61,9 @@ pub struct ImportFigures {
     /// Whether the file says where the voxels lie in the patient: elsewhere left and right are an assumption.
     #[serde(default)]
     pub patient_space: bool,
+    /// The file's own grid, where that of another was taken in its place.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid_taken: Option<GridTaken>,
 }
 
 impl Stage for Import {
@@ -73,27 +79,34 @@ impl Stage for Import {
 
     fn params(&self) -> Value {
         match &self.source {
-            ImportSource::File { options, .. } => json!({ "file": object(options) }),
+            ImportSource::File { options, grid_of: None, .. } => json!({ "file": object(options) }),
+            ImportSource::File { options, grid_of: Some(_), .. } => {
+                json!({ "file": object(options), "grid_of": true })
+            }
             ImportSource::Phantom(params) => json!({ "phantom": object(params) }),
         }
     }
 
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
-        match &self.source {
-            ImportSource::File { path, .. } if ivd_artefact::is_artefact(path) => Ok(vec![path.clone()]),
-            ImportSource::File { path, options } => {
-                ivd_io::volume::sources(path, options).map_err(Error::in_stage(IMPORT))
-            }
-            ImportSource::Phantom(_) => Ok(Vec::new()),
+        let ImportSource::File { path, options, grid_of } = &self.source else { return Ok(Vec::new()) };
+        let mut files = files_of(path, options)?;
+        if let Some(other) = grid_of {
+            files.extend(files_of(other, &ReadOptions::default())?);
         }
+        Ok(files)
+    }
+
+    fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
+        let read = serde_json::from_value::<ImportFigures>(Value::Object(figures.figures.clone()));
+        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.remark())
     }
 
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
         let volume = match &self.source {
-            ImportSource::File { path, options } if ivd_artefact::is_artefact(path) => {
+            ImportSource::File { path, options, .. } if ivd_artefact::is_artefact(path) => {
                 of_artefact(path, options)?
             }
-            ImportSource::File { path, options } => {
+            ImportSource::File { path, options, .. } => {
                 ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?
             }
             ImportSource::Phantom(params) => {
@@ -101,9 +114,23 @@ impl Stage for Import {
                 ivd_phantom::generate(params, exec).map_err(Error::in_stage(IMPORT))?.volume
             }
         };
+        if let ImportSource::File { path, grid_of: Some(other), .. } = &self.source {
+            let laid = on_grid_of(&volume, path, other, exec)?;
+            let grid_taken = Some(GridTaken::of(volume.grid(), laid.grid()));
+            let figures = ImportFigures { grid_taken, ..ImportFigures::of(&laid, exec) };
+            return Ok(StageOutput::new(laid, &figures));
+        }
         let figures = ImportFigures::of(&volume, exec);
         Ok(StageOutput::new(volume, &figures))
     }
+}
+
+/// The files that a volume is read from.
+fn files_of(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
+    if ivd_artefact::is_artefact(path) {
+        return Ok(vec![path.to_owned()]);
+    }
+    ivd_io::volume::sources(path, options).map_err(Error::in_stage(IMPORT))
 }
 
 /// The volume of an artefact, which says itself how it is laid out.
@@ -123,6 +150,11 @@ fn of_artefact(path: &Path, options: &ReadOptions) -> Result<Volume, Error> {
 }
 
 impl ImportFigures {
+    /// What a person should know: that another file's grid is believed.
+    fn remark(&self) -> Option<String> {
+        self.grid_taken.as_ref().map(GridTaken::told)
+    }
+
     /// Those of a volume.
     pub(super) fn of(volume: &Volume, exec: &Exec) -> Self {
         Self {
@@ -133,6 +165,7 @@ impl ImportFigures {
             missing: exec.run(|| volume.missing()),
             voxels: volume.grid().len(),
             patient_space: volume.grid().in_patient(),
+            grid_taken: None,
         }
     }
 }

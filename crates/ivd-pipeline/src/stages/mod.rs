@@ -3,6 +3,7 @@
 mod clip;
 mod combine;
 mod drawn;
+mod grid_of;
 mod import;
 mod import_field;
 mod imported_lattice;
@@ -19,6 +20,7 @@ use crate::Facts;
 pub use clip::Clip;
 pub use combine::Combine;
 pub use drawn::ImportDrawn;
+pub use grid_of::GridTaken;
 pub use import::{
     IMPORT, Import, ImportFigures, ImportLabels, ImportLabelsFigures, ImportMask, ImportMaskFigures,
     ImportSource, ImportTransfer, ImportTransferFigures,

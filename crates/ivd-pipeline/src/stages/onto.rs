@@ -1,5 +1,5 @@
 use ivd_core::op::{Slots as _, Voxelwise, schema_of};
-use ivd_core::{Exec, Grid, Labels, slots};
+use ivd_core::{Exec, Grid, Labels, counted, slots};
 use ivd_field::onto::{self, Onto};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,7 +58,8 @@ impl PutOntoFigures {
         if self.voxels_filled > 0 || self.voxels_left_out == 0 {
             return Ok(self);
         }
-        let problem = format!("none of its {} voxels lies within the volume", self.voxels_left_out);
+        let its = counted(self.voxels_left_out, "voxel", "voxels");
+        let problem = format!("none of its {its} lies within the volume");
         Err(Error::in_stage(IMPORT)(ivd_core::Error::Mismatch {
             what,
             problem,
@@ -71,15 +72,17 @@ impl PutOntoFigures {
         let mut told = Vec::new();
         if self.voxels_without_source > 0 {
             let all: usize = self.dims.iter().product();
-            told.push(format!(
-                "{} of the volume's {all} voxels lie outside of the file: 0",
-                self.voxels_without_source
+            told.push(counted(
+                self.voxels_without_source,
+                &format!("of the volume's {all} voxels lies outside of the file: 0"),
+                &format!("of the volume's {all} voxels lie outside of the file: 0"),
             ));
         }
         if self.voxels_left_out > 0 {
-            told.push(format!(
-                "{} voxels of the file lie outside of the volume and are left out",
-                self.voxels_left_out
+            told.push(counted(
+                self.voxels_left_out,
+                "voxel of the file lies outside of the volume and is left out",
+                "voxels of the file lie outside of the volume and are left out",
             ));
         }
         if !self.classes_lost.is_empty() {

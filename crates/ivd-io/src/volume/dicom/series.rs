@@ -1,3 +1,4 @@
+use ivd_core::counted;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -118,7 +119,10 @@ fn in_words(series: &BTreeMap<String, Vec<Slice>>) -> String {
                 Series::of(uid, slices, false);
             let number = number.map_or("without number".into(), |n| format!("number {n}"));
             let uid = if uid.is_empty() { "without UID".into() } else { uid };
-            format!("{uid} ({number}, {modality}, `{description}`, {slices} slices of {columns}×{rows})")
+            format!(
+                "{uid} ({number}, {modality}, `{description}`, {} of {columns}×{rows})",
+                counted(slices, "slice", "slices")
+            )
         })
         .collect();
     lines.join("; ")

@@ -36,6 +36,10 @@ pub struct InputSection {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub axes: Option<VoxelAxes>,
+    /// A file with as many voxels whose grid (spacing, place and axes) is taken as it is, where the file's own is missing or wrong. Relative to
+    /// the scene's folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid_of: Option<PathBuf>,
     /// A generated volume: head, sphere, torus, gyroid, spheres, shell, bars, neck or bust.
     #[serde(default)]
     #[schemars(with = "Option<String>")]
