@@ -4,11 +4,16 @@
 //! `device`: the forms of those kernels that are known here ([`KERNELS`]). Every other pass stays the processor's, and the record of a run says who
 //! made which. Kernels hold one of these promises against the processor:
 //!
-//! - **equal**: the same bytes on every device (integers and comparisons only);
+//! - **equal**: the same bytes on every device (whole numbers, comparisons, and sums of doubles whose products no driver joins with them);
 //! - **close**: within a tolerance that the suite holds; such results have a cache key of their own, one for all devices.
 //!
 //! | kernel | promise |
 //! |---|---|
+//! | `volume/ranges`: least and greatest value of each brick | equal |
+//! | `segment/histogram`: how often each value of 8 or 16 bits occurs | equal |
+//! | `segment/label`: labels by value | equal |
+//! | `lattice/cut`: marching cubes; the processor decides the cells that signs leave open, and puts the vertices in their places | equal |
+//! | `warp/linear`: voxels that move, trilinearly; the processor makes those that need more than eight voxels of data | equal, on devices with numbers of 64 bits; others leave it |
 //! | `render/cast`: rays of direct volume rendering, maximum and first hit; labelled, shaded, by gradient, deformed | close: 2e-6 of linear light, but for pixels, one in 10⁵, whose ray is rounded the other way and meets a hard edge |
 //!
 //! All kernels give the same bytes from run to run on one device and driver. Nothing is read back that wasn't written: every result ends in words
