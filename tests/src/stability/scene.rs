@@ -297,6 +297,7 @@ fn render(random: &mut Seeded, value: f64) -> RenderParams {
             angles: [random.between(-180.0, 180.0), random.pick(&[0.0, -90.0, 90.0, 37.0])],
             zoom: random.pick(&[1.0, 1.0, 4.0]),
             projection: random.pick(&[Projection::Orthographic, Projection::Perspective]),
+            ..View::FRONT
         },
         fit: random.pick(&[Fit::Visible, Fit::Visible, Fit::Volume]),
         step: random.between(0.3, 1.5),
