@@ -12,11 +12,16 @@ fn above(w: u32) -> u32 {
     return w + params.words * params.rows;
 }
 
+// Beyond the last layer all is outside.
+fn sign(w: u32) -> u32 {
+    return select(0u, signs[min(w, all_words() - 1u)], w < all_words());
+}
+
 // For each axis a bit for each voxel of a word that starts a crossed edge.
 fn crossed(w: u32) -> vec3<u32> {
     let here = signs[w];
-    let next = here >> 1u | signs[w + 1u] << 31u;
-    return vec3<u32>(here) ^ vec3<u32>(next, signs[w + params.words], signs[above(w)]);
+    let next = here >> 1u | sign(w + 1u) << 31u;
+    return vec3<u32>(here) ^ vec3<u32>(next, sign(w + params.words), sign(above(w)));
 }
 
 // The words at the corners of a word's cells, in the order of corners, and those one voxel on.

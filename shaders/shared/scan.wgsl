@@ -55,7 +55,7 @@ fn main(
         values[i] = running;
         running += own;
     }
-    if (lane == 255u) {
+    if (lane == 255u && chunk < arrayLength(&sums)) {
         sums[chunk] = running;
     }
 //#end

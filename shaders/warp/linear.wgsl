@@ -46,8 +46,8 @@ var<workgroup> marks: array<atomic<u32>, 8>;
 var<workgroup> made: array<atomic<u32>, HALF>;
 //#end
 
-// Whether a value was met that a device may take for 0.
-var<private> tiny: bool;
+// Whether a value was met that a device may take for 0, or one that isn't finite.
+var<private> odd: bool;
 
 // A number that no driver joins with the sum that it goes into.
 fn own(x: f64) -> f64 {
@@ -69,7 +69,8 @@ fn voxel(i: u32) -> f64 {
 //#end
 //#if F32
     let word = volume[i];
-    tiny = tiny || ((word & 0x7f800000u) == 0u && (word & 0x7fffffu) != 0u);
+    let size = word & 0x7f800000u;
+    odd = odd || size == 0x7f800000u || (size == 0u && (word & 0x7fffffu) != 0u);
     return f64(bitcast<f32>(word));
 //#end
 }
@@ -126,9 +127,9 @@ fn value_at(v: vec3<u32>, vector: vec3<f32>) -> Value {
     // What isn't finite comes through any weight, 0 too. A sum below the least float of full precision is the processor's to round.
     let size = u32(bitcast<u64>(sum) >> 32u) & 0x7ff00000u;
     let small = sum != 0.0lf && size < LEAST;
-    return Value(select(bits, 0u, sum == 0.0lf), size == 0x7ff00000u || small || tiny);
+    return Value(select(bits, 0u, sum == 0.0lf), size == 0x7ff00000u || small || odd);
 //#else
-    return Value(bitcast<u32>(i32(whole(sum))), tiny);
+    return Value(bitcast<u32>(i32(whole(sum))), odd);
 //#end
 }
 
@@ -163,7 +164,7 @@ fn main(
         var value = Value(0u, false);
         // Not −0 either.
         if (any((bits & vec3<u32>(0x7fffffffu)) != vec3<u32>(0u)) && all(v < vec3<u32>(params.nx, params.ny, params.nz))) {
-            tiny = any((bits & vec3<u32>(0x7f800000u)) == vec3<u32>(0u) & (bits & vec3<u32>(0x7fffffu)) != vec3<u32>(0u));
+            odd = any((bits & vec3<u32>(0x7f800000u)) == vec3<u32>(0u) & (bits & vec3<u32>(0x7fffffu)) != vec3<u32>(0u));
             value = value_at(v, bitcast<vec3<f32>>(bits));
             if (value.left) {
                 atomicOr(&marks[lane >> 5u], 1u << (lane & 31u));

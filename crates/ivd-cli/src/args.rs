@@ -36,7 +36,7 @@ pub(crate) struct Global {
     /// Print exactly one JSON object on stdout.
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// What computes where a GPU knows how (pictures): the CPU or the GPU.
+    /// What computes where a GPU knows how (pictures, counts, labels, lattices, warps): the CPU or the GPU.
     #[arg(long, global = true, value_enum, default_value_t = BackendChoice::Auto)]
     pub(crate) backend: BackendChoice,
     /// Fail with exit code 6 unless a GPU does all that GPUs know how to do.

@@ -34,6 +34,8 @@ pub enum Answer<T> {
     Done(T),
     /// It doesn't make this pass of these arguments: why.
     Declined(String),
+    /// It has no form of this pass for arguments of this kind: the processor makes it, also where a device is required.
+    NoForm,
 }
 
 /// The form of a kernel for a device.
@@ -132,6 +134,7 @@ impl Exec {
                     let problem = format!("{why}, and a GPU is required");
                     return Err(Error::Device { kernel: K::NAME, problem }.into());
                 }
+                Answer::NoForm => {}
                 Answer::Declined(why) => {
                     self.observer().note(&format!("{}: the processor makes it: {why}", K::NAME));
                 }
@@ -173,6 +176,9 @@ mod tests {
     struct Small;
     impl DeviceForm<Doubling> for Small {
         fn run(&self, args: &&[u32], _: &Exec) -> Result<Answer<Vec<u32>>, Error> {
+            if args.contains(&7) {
+                return Ok(Answer::NoForm);
+            }
             if args.len() > 3 {
                 return Ok(Answer::Declined("more than three".to_owned()));
             }
@@ -203,6 +209,8 @@ mod tests {
         let device = Device::new("small").with::<Doubling>(Small).required(true);
         let exec = Exec::default().with_device(Arc::new(device));
         assert!(exec.launch::<Doubling>(&&[1][..]).is_ok());
+        // What it knows no form of isn't asked of it.
+        assert_eq!(exec.launch::<Doubling>(&&[7, 1, 1, 1][..]).unwrap(), [14, 2, 2, 2]);
         let error = exec.launch::<Doubling>(&&[1, 2, 3, 4][..]).unwrap_err();
         assert_eq!(error.error_class(), ErrorClass::NoGpu);
         assert!(error.to_string().contains("test/doubling") && error.to_string().contains("more than three"));

@@ -201,11 +201,13 @@ impl Volume {
     /// # Errors
     /// Where the device fails.
     pub fn find_bricks(&self, exec: &Exec) -> Result<&BrickIndex, Error> {
-        if self.bricks.get().is_none() {
-            let found = exec.launch::<BrickRanges>(&(&self.grid, self.voxels()))?;
-            let _ = self.bricks.set(found);
-        }
-        Ok(self.bricks())
+        exec.run(|| {
+            if self.bricks.get().is_none() {
+                let found = exec.launch::<BrickRanges>(&(&self.grid, self.voxels()))?;
+                let _ = self.bricks.set(found);
+            }
+            Ok(self.bricks())
+        })
     }
 
     /// Attaches an index that was stored beside the voxels, so that it need not be computed.

@@ -94,7 +94,7 @@ impl Gpu {
         };
         self.event(what, bytes)?;
         if bytes > most {
-            return Err(Error::NoRoom { what, bytes });
+            return Err(Error::TooLarge { what, bytes });
         }
         let descriptor = wgpu::BufferDescriptor { label: Some(what), size: bytes, usage, mapped_at_creation };
         let buffer = self.checked(what, bytes, || self.device.create_buffer(&descriptor))?;

@@ -18,6 +18,8 @@ const LANES: usize = 256;
 const CHUNK: usize = 2048;
 /// Room for crossings in the shaders' table.
 const CROSSINGS: usize = 1024;
+/// Cells that are decided before it is asked whether to go on.
+const DECIDED: usize = 1 << 14;
 /// Bytes that are read at once, at most.
 const READ: u64 = 64 << 20;
 
@@ -30,12 +32,17 @@ struct Linked {
 
 impl DeviceForm<Cutting> for SharedGpu {
     fn run(&self, cut: &Cut<'_>, exec: &Exec) -> Result<Answer<Surface>, ivd_core::Error> {
+        if let Signs::Stored { volume, .. } = cut.signs {
+            // What is mapped is looked at by all threads, which nobody may wait for who has the device.
+            volume.voxels();
+        }
         match answer(Cutting::NAME, self.attempt(|opened| opened.link(cut, exec)))? {
             Answer::Done(linked) => {
                 let Linked { keys, triangles, cells } = linked;
                 cut.finish(keys, triangles, &cells, exec).map(Answer::Done)
             }
             Answer::Declined(why) => Ok(Answer::Declined(why)),
+            Answer::NoForm => Ok(Answer::NoForm),
         }
     }
 }
@@ -118,7 +125,7 @@ impl Opened {
         let padded = words.width * words.size[1] * words.size[2];
         // Vertices and triangles are counted together in 32 bits; a cell has five of those and twelve of these at most.
         if padded as u64 * 17 > u64::from(u32::MAX) {
-            return Err(Error::NoRoom { what: "the lattice", bytes: 4 * 17 * padded as u64 });
+            return Err(Error::TooLarge { what: "the lattice", bytes: 4 * 17 * padded as u64 });
         }
         let signs = self.signs(cut, words, exec)?;
         let cases = self.gpu.upload("the cases", bytemuck::cast_slice(&cut.cases()))?;
@@ -137,7 +144,11 @@ impl Opened {
         let [open] = self.totals(&passes, [(&opens, all)], exec)?;
 
         let (list, cells) = self.open_cells(words, [&signs, &cases, &opens], open as usize, exec)?;
-        let decided = cut.decide(&cells);
+        let mut decided = Vec::with_capacity(cells.len());
+        for some in cells.chunks(DECIDED) {
+            exec.check_cancelled()?;
+            decided.extend(cut.decide(some));
+        }
         let packed = cells.iter().zip(&decided).map(|(cell, decided)| {
             (cell.padded[0] % 32) as u32 | decided.own << 5 | u32::from(decided.crossing) << 8
         });
@@ -166,6 +177,8 @@ impl Opened {
         let [vertices, both] = self.totals(&passes, [(&counts, all), (&counts, 2 * all + 1)], exec)?;
         let triangles = both - vertices;
 
+        let held = 8 * u64::from(vertices) + 12 * u64::from(triangles) + 48 * cells.len() as u64;
+        exec.check_memory("the lattice", held)?;
         let keys = self.gpu.room("the vertices", 8 * u64::from(vertices), RESULT)?;
         let corners = self.gpu.room("the triangles", 12 * u64::from(triangles), RESULT)?;
         let (place, link) =

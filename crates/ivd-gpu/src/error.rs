@@ -14,6 +14,14 @@ pub enum Error {
         /// Its size.
         bytes: u64,
     },
+    /// Something is larger than anything that it holds.
+    #[error("{what} ({bytes} bytes) is larger than what the GPU takes")]
+    TooLarge {
+        /// What it is.
+        what: &'static str,
+        /// Its size.
+        bytes: u64,
+    },
     /// Voxels of a type that no kernel here knows.
     #[error("voxels of type {0} are known to the processor alone")]
     Unknown(&'static str),

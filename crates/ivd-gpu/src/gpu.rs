@@ -25,6 +25,8 @@ pub struct Options {
     pub max_buffer: Option<u64>,
     /// Pixels of a part of a picture, where that isn't left to how fast the device is.
     pub part: Option<usize>,
+    /// Workgroups along an axis, where fewer than every device grants, for tests.
+    pub across: Option<usize>,
     /// What goes wrong on purpose, for tests: at which of the counted events (allocations, submissions, maps).
     pub faults: Vec<(u64, Fault)>,
     /// Texts of shaders and what stands in their place, for tests: an error that a suite must find.
@@ -219,6 +221,11 @@ impl Gpu {
     /// See [`Options::part`].
     pub(crate) fn part(&self) -> Option<usize> {
         self.options.part
+    }
+
+    /// See [`Options::across`].
+    pub(crate) fn across(&self) -> Option<usize> {
+        self.options.across
     }
 
     /// An event that can fail; whether the device does nothing of it, on purpose.

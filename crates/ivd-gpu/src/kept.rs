@@ -44,6 +44,18 @@ impl Kept {
         Ok(())
     }
 
+    /// Whether these voxels lie here as they are stored.
+    pub(crate) fn is_of(&self, voxels: &Voxels) -> bool {
+        let data = voxels.as_bytes();
+        self.from == Source { address: data.as_ptr() as usize, bytes: data.len(), as_it_is: true }
+    }
+
+    /// Voxels as they are stored, for one pass.
+    pub(crate) fn upload_voxels(gpu: &Gpu, voxels: &Voxels) -> Result<Room, Error> {
+        fits(voxels)?;
+        gpu.upload("the volume", voxels.as_bytes())
+    }
+
     /// Brings voxels, as they are or as `data` made of them.
     pub(crate) fn bring_voxels(
         slot: &mut Option<Self>,
@@ -51,10 +63,15 @@ impl Kept {
         voxels: &Voxels,
         data: &[u8],
     ) -> Result<(), Error> {
-        // Shaders count voxels in 32 bits.
-        if voxels.len() as u64 > u64::from(u32::MAX) {
-            return Err(Error::NoRoom { what: "the volume", bytes: voxels.as_bytes().len() as u64 });
-        }
+        fits(voxels)?;
         Self::bring(slot, gpu, "the volume", (voxels.as_bytes(), || voxels.clone()), data)
     }
+}
+
+/// Shaders count voxels in 32 bits.
+fn fits(voxels: &Voxels) -> Result<(), Error> {
+    if voxels.len() as u64 > u64::from(u32::MAX) {
+        return Err(Error::TooLarge { what: "the volume", bytes: voxels.as_bytes().len() as u64 });
+    }
+    Ok(())
 }

@@ -26,9 +26,9 @@ pub(crate) struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// Workgroups along two axes; a few more than are asked for where those are many.
-    fn size(&self) -> [usize; 2] {
-        let down = self.groups.div_ceil(ACROSS).max(1);
+    /// Workgroups along two axes, at most so many along the first; a few more than are asked for where those are many.
+    fn size(&self, most: usize) -> [usize; 2] {
+        let down = self.groups.div_ceil(most).max(1);
         [self.groups.div_ceil(down).max(1), down]
     }
 }
@@ -59,6 +59,7 @@ impl Desk {
         exec: &Exec,
         read: impl FnOnce(&[u8]),
     ) -> Result<(), Error> {
+        exec.check_cancelled()?;
         assert!(passes.len() <= MOST, "more passes than a desk has room for");
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let numbers = had(&mut self.numbers, || gpu.room("parameters", STRIDE * MOST as u64, storage))?;
@@ -67,6 +68,7 @@ impl Desk {
         })?;
         let mut words = vec![0_u32; STRIDE as usize / 4 * passes.len()];
         let mut bound = Vec::with_capacity(passes.len());
+        let across_most = gpu.across().unwrap_or(ACROSS);
         for (i, pass) in passes.iter().enumerate() {
             let own = &mut words[STRIDE as usize / 4 * i..][..=pass.numbers.len()];
             own[0] = i as u32;
@@ -94,7 +96,7 @@ impl Desk {
                 let mut encoded = encoder.begin_compute_pass(&descriptor);
                 encoded.set_pipeline(pass.pipeline);
                 encoded.set_bind_group(0, group, &[]);
-                let [across, down] = pass.size();
+                let [across, down] = pass.size(across_most);
                 encoded.dispatch_workgroups(across as u32, down as u32, 1);
                 Count::add(&gpu.count.dispatches, 1);
             }
@@ -107,7 +109,7 @@ impl Desk {
             let tells: [u32; TOLD] = bytemuck::pod_read_unaligned(tells);
             written = tells[MOST] == cleared[MOST];
             for (pass, told) in passes.iter().zip(tells) {
-                let [across, down] = pass.size();
+                let [across, down] = pass.size(across_most);
                 written &= told as usize == across * down;
             }
             if written {

@@ -133,5 +133,8 @@ fn cuts(args: &Labelled<'_>) -> Vec<u32> {
         if f64::from(near) < cut { near.next_up() } else { near }
     };
     let ranks = args.cuts.iter().map(|cut| rank(args.voxels.voxel_type(), f64::from(least(*cut))));
-    ranks.chain(args.ids.iter().map(|id| u32::from(*id))).collect()
+    let mut words: Vec<u32> = ranks.chain(args.ids.iter().map(|id| u32::from(*id))).collect();
+    // A label more than there are cuts.
+    words.resize(2 * args.cuts.len() + 1, u32::from(NO_DATA));
+    words
 }

@@ -84,12 +84,14 @@ impl Opened {
 
     /// After a failure: lets go of everything, and opens the device anew where it is to blame.
     fn recover(&mut self, error: Error) -> Result<(), Error> {
+        // A device is none the better for being opened again, nor for being empty.
+        if matches!(error, Error::Unknown(_) | Error::Lacks(_) | Error::TooLarge { .. }) {
+            return Err(error);
+        }
         self.forget();
         match error {
             // Of what was going on when it was cancelled nothing is looked at any more.
             Error::Core(error) => return Err(error.into()),
-            // A device is none the better for being opened again.
-            Error::Unknown(_) | Error::Lacks(_) => return Err(error),
             Error::NoRoom { .. } => {}
             _ => {
                 let anew = self.gpu.reopen().map_err(|_| error.clone())?;
@@ -139,14 +141,7 @@ impl Opened {
 
     /// Brings voxels to the device as they are stored, and gives the names that shaders know their type by.
     pub(crate) fn bring_stored(&mut self, voxels: &Voxels) -> Result<Vec<&'static str>, Error> {
-        let names = match voxels {
-            Voxels::U8(_) => vec!["U8", "BYTES"],
-            Voxels::I8(_) => vec!["I8", "BYTES"],
-            Voxels::U16(_) => vec!["U16", "HALVES"],
-            Voxels::I16(_) => vec!["I16", "HALVES"],
-            Voxels::F32(_) => vec!["F32"],
-            _ => return Err(Error::Unknown(voxels.voxel_type().name())),
-        };
+        let names = names_of(voxels)?;
         Kept::bring_voxels(&mut self.volume, &self.gpu, voxels, voxels.as_bytes())?;
         Ok(names)
     }
@@ -162,12 +157,25 @@ impl Opened {
     }
 }
 
+/// The names that shaders know the type of voxels by.
+pub(crate) fn names_of(voxels: &Voxels) -> Result<Vec<&'static str>, Error> {
+    Ok(match voxels {
+        Voxels::U8(_) => vec!["U8", "BYTES"],
+        Voxels::I8(_) => vec!["I8", "BYTES"],
+        Voxels::U16(_) => vec!["U16", "HALVES"],
+        Voxels::I16(_) => vec!["I16", "HALVES"],
+        Voxels::F32(_) => vec!["F32"],
+        _ => return Err(Error::Unknown(voxels.voxel_type().name())),
+    })
+}
+
 /// What the form of a kernel answers.
 pub(crate) fn answer<T>(kernel: &'static str, made: Result<T, Error>) -> Result<Answer<T>, ivd_core::Error> {
     match made {
         Ok(made) => Ok(Answer::Done(made)),
         Err(Error::Core(error)) => Err(error),
-        Err(error @ (Error::NoRoom { .. } | Error::Unknown(_) | Error::Lacks(_))) => {
+        Err(Error::Unknown(_) | Error::Lacks(_)) => Ok(Answer::NoForm),
+        Err(error @ (Error::NoRoom { .. } | Error::TooLarge { .. })) => {
             Ok(Answer::Declined(error.to_string()))
         }
         Err(error) => Err(ivd_core::Error::Device { kernel, problem: error.to_string() }),

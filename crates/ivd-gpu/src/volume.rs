@@ -2,8 +2,9 @@
 
 use ivd_core::{Answer, BrickIndex, BrickRanges, DeviceForm, Exec, Grid, Kernel as _, Voxels};
 
+use crate::kept::Kept;
 use crate::pass::{Part, Pass};
-use crate::shared::{Opened, RESULT, answer};
+use crate::shared::{Opened, RESULT, answer, names_of};
 use crate::stored::value;
 use crate::{Error, SharedGpu};
 
@@ -22,7 +23,12 @@ impl DeviceForm<BrickRanges> for SharedGpu {
 
 impl Opened {
     fn ranges(&mut self, grid: &Grid, voxels: &Voxels, exec: &Exec) -> Result<BrickIndex, Error> {
-        let names = self.bring_stored(voxels)?;
+        let names = names_of(voxels)?;
+        // Bricks are found once, before a volume lies where it stays: only one that is here already is kept.
+        let brought = match &self.volume {
+            Some(kept) if kept.is_of(voxels) => None,
+            _ => Some(Kept::upload_voxels(&self.gpu, voxels)?),
+        };
         let pipeline = self.pipeline("volume/ranges.wgsl", &names)?;
         let dims = BrickIndex::dims_for(grid.dims());
         let bricks = dims.iter().product::<usize>();
@@ -32,7 +38,12 @@ impl Opened {
         let pass = Pass {
             pipeline: &pipeline,
             numbers: vec![nx, ny, nz, dims[0] as u32, dims[1] as u32, bricks as u32],
-            rooms: self.volume.iter().map(|kept| &kept.room).chain([&ranges]).collect(),
+            rooms: brought
+                .as_ref()
+                .or(self.volume.as_ref().map(|kept| &kept.room))
+                .into_iter()
+                .chain([&ranges])
+                .collect(),
             groups: bricks.div_ceil(BRICKS),
         };
         let (mut min, mut max, mut missing) = (Vec::new(), Vec::new(), Vec::new());

@@ -20,6 +20,7 @@ impl<T: Scalar + Pod + NoUninit> DeviceForm<Warping<T>> for SharedGpu {
         match answer(Warping::<T>::NAME, self.attempt(|opened| opened.warp(args, exec)))? {
             Answer::Done(made) => args.finish(&made, exec).map(Answer::Done),
             Answer::Declined(why) => Ok(Answer::Declined(why)),
+            Answer::NoForm => Ok(Answer::NoForm),
         }
     }
 }
@@ -34,6 +35,11 @@ impl Opened {
         for (brick, slot) in field.table().iter().enumerate().filter(|(_, slot)| **slot != NO_BRICK) {
             places[*slot as usize] = brick as u32;
         }
+        let brick_bytes = VOXELS * T::TYPE.bytes() + MARKS;
+        exec.check_memory(
+            "the voxels that move",
+            (args.voxels.as_bytes().len() + places.len() * brick_bytes) as u64,
+        )?;
         let mut made = Made {
             values: Vec::with_capacity(VOXELS * places.len()),
             left: Vec::with_capacity(MARKS * places.len()),
@@ -48,7 +54,6 @@ impl Opened {
         let slots = self.gpu.upload("the bricks that move", bytemuck::cast_slice(&places))?;
         self.cast.resident.bring_vectors(&self.gpu, args.displacement)?;
         let most = self.gpu.part().unwrap_or(READ_BRICKS).min(places.len()).max(1);
-        let brick_bytes = VOXELS * T::TYPE.bytes() + MARKS;
         let moved = self.gpu.room("the voxels that move", (most * brick_bytes) as u64, RESULT)?;
         let [nx, ny, nz] = args.displacement.grid().dims();
         let [across, down, _] = field.brick_dims();

@@ -324,10 +324,6 @@ impl Runner<'_> {
             passed.map_err(|error| begun.explained(error, self.exec))?;
         }
         let Begun { clock, read_before, mut provenance, source_bytes, mut key, .. } = begun;
-        // Whatever keeps a volume keeps its bricks.
-        if let Artefact::Volume(volume) = &product.artefact {
-            self.exec.run(|| volume.find_bricks(self.exec).map(|_| ()))?;
-        }
         // What did the work, whatever was asked for.
         let served = self.exec.take_served();
         let made_by = class(stage, |kernel| served.get(kernel).is_some_and(|served| served.gpu > 0));

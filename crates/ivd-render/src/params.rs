@@ -38,7 +38,7 @@ pub enum Projection {
     /// Parallel rays: lengths can be read off the picture.
     #[default]
     Orthographic,
-    /// Rays from one eye point, 30° across the shorter side at zoom 1.
+    /// Rays from one eye point, `field_of_view` across the shorter side at zoom 1.
     Perspective,
 }
 

@@ -10,8 +10,8 @@ use crate::samples::Stored;
 
 /// Opacity behind which lies what a picture is said to show; where a whole ray has less, half of what it has.
 const HALF: f32 = 0.5;
-/// A ray with less opacity shows nothing: it changes no pixel of 8 bits.
-const NOTHING: f32 = 0.5 / 255.0;
+/// A ray with less opacity shows nothing: of white on black it changes no pixel of 8 bits, in which the darkest light is 1/12.92 of its number.
+const NOTHING: f32 = 0.5 / 255.0 / 12.92;
 
 /// What a picture shows at a pixel.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,20 +20,29 @@ pub struct Pick {
     pub place: [f64; 3],
     /// Where that was before the deformation (mm, RAS): what handles and seeds ask for. The same place where nothing is deformed.
     pub rest: [f64; 3],
-    /// The voxel nearest to that.
+    /// The voxel nearest to what is seen there: to the middle of the step, or the sample, that shows it.
     pub voxel: [usize; 3],
-    /// The trilinear value there, real; `None` where data is missing.
+    /// The trilinear value of that sample, real; `None` where data is missing.
     pub value: Option<f64>,
     /// The label of that voxel, of a scene with labels.
     pub label: Option<u16>,
 }
 
-/// Where the opacity of a ray passes a half, in voxel coordinates of the picture: a step's opacity is spread over its length.
-pub(crate) fn half_way<T: Stored, O: Optics<T>>(
-    field: &Field<'_, T>,
-    optics: &O,
-    ray: &Ray,
-) -> Option<[f32; 3]> {
+/// A place of the picture in voxel coordinates, and the sample that shows it.
+pub(crate) struct Seen {
+    pub(crate) place: [f32; 3],
+    pub(crate) sample: [f32; 3],
+}
+
+impl Seen {
+    /// A sample that is seen where it lies.
+    fn at(sample: [f32; 3]) -> Self {
+        Self { place: sample, sample }
+    }
+}
+
+/// Where the opacity of a ray passes a half: a step's opacity is spread over its length, from its middle on where what lies before it is clear.
+pub(crate) fn half_way<T: Stored, O: Optics<T>>(field: &Field<'_, T>, optics: &O, ray: &Ray) -> Option<Seen> {
     let opacities = || {
         let mut front = None;
         (0..ray.steps).map(move |number| {
@@ -51,31 +60,28 @@ pub(crate) fn half_way<T: Stored, O: Optics<T>>(
         return None;
     }
     let wanted = 1.0 - HALF.min(HALF * (1.0 - clear));
-    let mut through = 1.0_f32;
+    let (mut through, mut before) = (1.0_f32, 0.0);
     for (number, opacity) in opacities().enumerate() {
         let after = through * (1.0 - opacity);
         if after <= wanted {
             let share = if opacity < 1.0 { (wanted / through).ln() / (1.0 - opacity).ln() } else { 0.0 };
-            let t = number as f32 - 0.5 + share.clamp(0.0, 1.0);
-            return Some(std::array::from_fn(|a| ray.start[a] + t * ray.delta[a]));
+            let least = if before > 0.0 { 0.0 } else { 0.5 };
+            let t = number as f32 - 0.5 + share.clamp(least, 1.0);
+            let place = std::array::from_fn(|a| ray.start[a] + t * ray.delta[a]);
+            return Some(Seen { place, sample: ray.at(number) });
         }
-        through = after;
+        (through, before) = (after, opacity);
     }
-    Some(ray.rest_at)
+    Some(Seen::at(ray.rest_at))
 }
 
 /// Where a ray meets a surface.
-pub(crate) fn on_surface<T: Stored>(
-    field: &Field<'_, T>,
-    iso: f32,
-    sign: f32,
-    ray: &Ray,
-) -> Option<[f32; 3]> {
-    first_place(field, iso, sign, ray).0
+pub(crate) fn on_surface<T: Stored>(field: &Field<'_, T>, iso: f32, sign: f32, ray: &Ray) -> Option<Seen> {
+    first_place(field, iso, sign, ray).0.map(Seen::at)
 }
 
 /// Where a ray's value is greatest, of equal ones the nearest.
-pub(crate) fn greatest<T: Stored>(field: &Field<'_, T>, sign: f32, ray: &Ray) -> Option<[f32; 3]> {
+pub(crate) fn greatest<T: Stored>(field: &Field<'_, T>, sign: f32, ray: &Ray) -> Option<Seen> {
     let last = (ray.rest > 0.0).then_some(ray.rest_at);
     let mut best: Option<(f32, [f32; 3])> = None;
     for at in (0..ray.steps).map(|i| ray.at(i)).chain(last) {
@@ -86,26 +92,29 @@ pub(crate) fn greatest<T: Stored>(field: &Field<'_, T>, sign: f32, ray: &Ray) ->
             best = Some((value, at));
         }
     }
-    best.map(|(_, at)| at)
+    best.map(|(_, at)| Seen::at(at))
 }
 
-/// What lies at a place of the picture, in voxel coordinates; `real` makes a fast value real.
+/// What is seen, of the patient; `real` makes a fast value real.
 pub(crate) fn picked<T: Stored>(
     field: &Field<'_, T>,
     grid: &ivd_core::Grid,
     labels: Option<&Labels>,
     real: impl Fn(f32) -> f64,
-    at: [f32; 3],
+    Seen { place, sample }: Seen,
 ) -> Option<Pick> {
-    let before = field.before(at, field.moves(field.space.brick(at)))?;
+    let before = |at: [f32; 3]| field.before(at, field.moves(field.space.brick(at)));
+    let shown = before(sample)?;
+    // Beside what is left behind the place may have come from nowhere, and the sample is where it is seen.
+    let (place, rest) = before(place).map_or((sample, shown), |rest| (place, rest));
     let world = |at: [f32; 3]| grid.world(VoxelCoord(Vector3::from(at).map(f64::from))).0.into();
     let dims = grid.dims();
-    let voxel = std::array::from_fn(|a| (before[a].round().max(0.0) as usize).min(dims[a] - 1));
+    let voxel = std::array::from_fn(|a| (shown[a].round().max(0.0) as usize).min(dims[a] - 1));
     Some(Pick {
-        place: world(at),
-        rest: world(before),
+        place: world(place),
+        rest: world(rest),
         voxel,
-        value: field.value(&field.samples.shape.place(before)).map(real),
+        value: field.value(&field.samples.shape.place(shown)).map(real),
         label: labels.map(|labels| labels.ids()[grid.linear(VoxelIndex(voxel))]),
     })
 }

@@ -363,9 +363,9 @@ impl<'a> Prepared<'a> {
     /// lies, of a surface where the ray meets it. `None` where there is nothing to see, or that lies outside the volume before it is deformed.
     ///
     /// # Errors
-    /// As [`crate::render`].
+    /// As [`crate::render`]; a pixel beyond the picture.
     pub fn pick(&self, view: View, [x, y]: [usize; 2]) -> Result<Option<Pick>, Error> {
-        let params = RenderParams { view, ..self.params.clone() };
+        let params = RenderParams { view, picks: vec![[x, y]], ..self.params.clone() };
         params.check()?;
         let camera = Camera::new(self.scene.volume.grid(), &params, &self.held);
         let Some(ray) = camera.ray(x, y) else { return Ok(None) };
@@ -375,7 +375,7 @@ impl<'a> Prepared<'a> {
     fn pick_by<T: Pairs>(&self, voxels: &[T], camera: &Camera, ray: &Ray) -> Option<Pick> {
         let field = self.field(voxels, camera);
         let sign = self.sign() as f32;
-        let at = match &self.optics {
+        let seen = match &self.optics {
             ModeState::Dvr(classifier) if field.ids.is_empty() => {
                 pick::half_way(&field, &AtMiddle::<false, false>(classifier), ray)
             }
@@ -385,7 +385,7 @@ impl<'a> Prepared<'a> {
             ModeState::Iso(iso) => pick::on_surface(&field, *iso, sign, ray),
         }?;
         let real = |fast: f32| self.scene.volume.real(f64::from(fast) + self.shift);
-        pick::picked(&field, self.scene.volume.grid(), self.labels, real, at)
+        pick::picked(&field, self.scene.volume.grid(), self.labels, real, seen)
     }
 
     fn field<'f, T: Stored>(&'f self, voxels: &'f [T], camera: &Camera) -> Field<'f, T> {

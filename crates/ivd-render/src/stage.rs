@@ -172,15 +172,15 @@ pub struct Picked {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "mm"))]
     pub rest_mm: Option<[f64; 3]>,
-    /// The voxel nearest to that.
+    /// The voxel nearest to what is seen there.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "voxels"))]
     pub voxel: Option<[usize; 3]>,
-    /// The value there.
+    /// Its value, between voxels.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "that of the values"))]
     pub value: Option<f64>,
-    /// The label of that voxel, where labels choose the colours.
+    /// The label of that voxel, where there are labels.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("x-unit" = "1"))]
     pub label: Option<u16>,

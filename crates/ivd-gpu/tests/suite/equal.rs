@@ -260,6 +260,31 @@ fn work_in_many_parts_gives_the_same_bytes() {
 }
 
 #[test]
+fn work_that_is_dispatched_in_two_directions_gives_the_same_bytes() {
+    let Some(gpu) = gpu(Options { across: Some(3), ..Options::default() }) else { return };
+    all_equal(gpu, &[[64, 10, 16], [95, 23, 21]]);
+}
+
+#[test]
+fn kernels_asked_for_by_many_threads_at_once_wait_for_each_other_and_not_for_themselves() {
+    let Some(gpu) = gpu(Options::default()) else { return };
+    let (done, all_done) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let exec = on(gpu).with_threads(3);
+        let volumes = volumes([64, 33, 20], false, 4);
+        exec.run(|| {
+            ivd_core::parallel::for_each_piece_mut(&mut [(); 12], 1, &|i, _| {
+                let (_, of) = KERNELS[i % KERNELS.len()];
+                // Who served is told of all together.
+                let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| of(&volumes[i % 4], &exec)));
+            });
+        });
+        done.send(()).unwrap();
+    });
+    all_done.recv_timeout(std::time::Duration::from_secs(100)).expect("nobody waits for himself");
+}
+
+#[test]
 fn a_device_with_small_buffers_gives_the_same_bytes_and_leaves_the_rest_to_the_processor() {
     // Room for the voxels and what is made of them, in parts; and for none of it.
     let Some(narrow) = gpu(Options { max_buffer: Some(1 << 20), part: Some(500), ..Options::default() })
@@ -317,7 +342,7 @@ const PLANTED: &[(&str, &str, &str)] = &[
     // `>=` for `>`; the last bit of a word; a cell's corners; the cases of the last word; a sum of one chunk short; a vertex of the next voxel; a triangle turned over.
     (Cutting::NAME, "r >= params.first", "r > params.first"),
     (Cutting::NAME, "r <= params.last", "r < params.last"),
-    (Cutting::NAME, "here >> 1u | signs[w + 1u] << 31u", "here >> 1u"),
+    (Cutting::NAME, "here >> 1u | sign(w + 1u) << 31u", "here >> 1u"),
     (Cutting::NAME, "pair.z << 4u | pair.w << 6u", "pair.w << 4u | pair.z << 6u"),
     (Cutting::NAME, "w % params.words + 1u < params.words", "w % params.words + 2u < params.words"),
     (Cutting::NAME, "reach < 256u", "reach < 128u"),

@@ -7,7 +7,7 @@ use super::matching::matching;
 
 /// Dice of each class with its partner, adjusted Rand index (Hubert & Arabie 1985) and the confusion table.
 ///
-/// Partners are one to one, and chosen so that the sum of Dice is largest.
+/// Partners are one to one, and chosen so that the sum of Dice is largest; beside it Dice with the class of the same label.
 pub(super) fn labels(a: &[u16], b: &[u16]) -> Value {
     let table = Confusion::of(a, b);
     let matched = matching(&table);
@@ -16,7 +16,8 @@ pub(super) fn labels(a: &[u16], b: &[u16]) -> Value {
         .iter()
         .map(|(p, n)| {
             let partner = matched.pairs.get(p);
-            json!({ "a": p, "b": partner, "dice": partner.map_or(0.0, |&q| table.dice(*p, q)), "voxels_a": n,
+            let same = if table.shared.contains_key(&(*p, *p)) { table.dice(*p, *p) } else { 0.0 };
+            json!({ "a": p, "b": partner, "dice": partner.map_or(0.0, |&q| table.dice(*p, q)), "dice_same_label": same, "voxels_a": n,
                 "voxels_b": partner.map(|q| table.columns[q]) })
         })
         .collect();
@@ -54,6 +55,9 @@ mod tests {
         let error = labels(&a, &b);
         assert_eq!(error["ari"].as_f64(), Some(1.0));
         assert!(error["classes"].as_array().unwrap().iter().all(|c| c["dice"] == 1.0));
+        assert!(error["classes"].as_array().unwrap().iter().all(|c| c["dice_same_label"] == 0.0));
+        let swapped = labels(&[1, 1, 2, 2], &[1, 2, 2, 2]);
+        assert_eq!(swapped["classes"][1]["dice_same_label"].as_f64(), Some(0.8));
     }
 
     #[test]

@@ -15,9 +15,10 @@ pub(super) fn smallest_det_j(value: f64, squeezed: Option<u64>) -> &'static str 
             "what is left of a volume of 1 where space is squeezed most. Not good: nearly flat there, so that what lies there is hard to see; above 0.1 is good"
         }
         v if v < LITTLE => "what is left of a volume of 1 where space is squeezed most. Good: above 0.1",
-        _ => {
+        v if v >= LITTLE => {
             "what is left of a volume of 1 where space is squeezed most. Good: hardly changed (1 is as it was, 0 is flat)"
         }
+        _ => "what is left of a volume of 1 where space is squeezed most. Not good: it can't be told",
     }
 }
 
@@ -91,7 +92,7 @@ mod tests {
     #[test]
     fn a_figure_is_called_good_where_it_is() {
         for (value, is_good) in
-            [(1.0, true), (0.5, true), (0.11, true), (0.1, false), (0.001, false), (f64::NAN, true)]
+            [(1.0, true), (0.5, true), (0.11, true), (0.1, false), (0.001, false), (f64::NAN, false)]
         {
             assert_eq!(!smallest_det_j(value, None).contains("Not good"), is_good, "{value}");
             assert_eq!(!smallest_det_j(value, Some(3)).contains("Not good"), is_good, "{value}");

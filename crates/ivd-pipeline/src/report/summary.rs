@@ -373,7 +373,9 @@ fn told(
     map: Option<&MapFigures>,
 ) -> Result<Vec<Told>, Error> {
     let remarks = records.iter().filter_map(|record| {
-        Some(Told { about: record.stage.clone(), text: record.remark.clone()?, warns: true })
+        // What a pixel shows was asked for.
+        let warns = record.stage != ivd_render::STAGE.name;
+        Some(Told { about: record.stage.clone(), text: record.remark.clone()?, warns })
     });
     let mut told: Vec<Told> = remarks.collect();
     let cut = figures_of::<LatticeFigures>(records, extract::STAGE.name)?;

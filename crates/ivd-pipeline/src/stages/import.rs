@@ -117,10 +117,10 @@ impl Stage for Import {
         if let ImportSource::File { path, grid_of: Some(other), .. } = &self.source {
             let laid = on_grid_of(&volume, path, other, exec)?;
             let grid_taken = Some(GridTaken::of(volume.grid(), laid.grid()));
-            let figures = ImportFigures { grid_taken, ..ImportFigures::of(&laid, exec) };
+            let figures = ImportFigures { grid_taken, ..ImportFigures::of(&laid, exec)? };
             return Ok(StageOutput::new(laid, &figures));
         }
-        let figures = ImportFigures::of(&volume, exec);
+        let figures = ImportFigures::of(&volume, exec)?;
         Ok(StageOutput::new(volume, &figures))
     }
 }
@@ -156,8 +156,9 @@ impl ImportFigures {
     }
 
     /// Those of a volume.
-    pub(super) fn of(volume: &Volume, exec: &Exec) -> Self {
-        Self {
+    pub(super) fn of(volume: &Volume, exec: &Exec) -> Result<Self, ivd_core::Error> {
+        volume.find_bricks(exec)?;
+        Ok(Self {
             dims: volume.grid().dims(),
             spacing: volume.grid().spacing(),
             stored: volume.voxel_type().name().to_owned(),
@@ -166,7 +167,7 @@ impl ImportFigures {
             voxels: volume.grid().len(),
             patient_space: volume.grid().in_patient(),
             grid_taken: None,
-        }
+        })
     }
 }
 

@@ -97,7 +97,7 @@ impl Stage for ImportOperand {
                 Ok(StageOutput::new(labels, &figures))
             }
             Artefact::Volume(volume) => {
-                let figures = ImportFigures::of(&volume, exec);
+                let figures = ImportFigures::of(&volume, exec)?;
                 Ok(StageOutput::new(volume, &figures))
             }
             other @ (Artefact::Transfer(_)

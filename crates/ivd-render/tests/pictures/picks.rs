@@ -112,6 +112,28 @@ fn a_place_on_a_deformed_picture_leads_back_to_where_it_was() {
 }
 
 #[test]
+fn behind_a_hard_edge_it_is_what_is_seen_that_is_picked() {
+    // Opaque from 100 on; the half of lower x has a label whose row is clear.
+    let grid = Grid::with_spacing([40, 40, 40], [1.0; 3]).unwrap();
+    let inside = |p: [usize; 3]| p[1] < 20;
+    let voxels: Vec<u8> = (0..grid.len()).map(|i| if inside(grid.index(i).0) { 200 } else { 20 }).collect();
+    let volume = Volume::new(grid.clone(), voxels.into()).unwrap();
+    let ids: Vec<u16> = (0..grid.len()).map(|i| if grid.index(i).0[1] < 12 { 1 } else { 2 }).collect();
+    let labels = Labels::new(grid.clone(), ids.into(), vec![]).unwrap();
+    let row = |shown: bool| (0..256).map(move |i| [1.0, 1.0, 1.0, if shown && i >= 100 { 1.0 } else { 0.0 }]);
+    let rows = row(false).chain(row(true)).chain(row(false)).collect();
+    let transfer = TransferFunction::new([0.0, 255.0], 256, 1.0, vec![0, 1, 2], rows, vec![]).unwrap();
+    let scene = Scene { transfer: Some(&transfer), labels: Some(&labels), ..Scene::new(&volume) };
+    let found = picks(&scene, &params(Mode::Dvr, View::FRONT));
+    assert!(found.len() > 100, "{}", found.len());
+    for (pixel, pick) in found {
+        assert_eq!((pick.label, pick.value), (Some(1), Some(200.0)), "{pixel:?}");
+        // The border of the labels lies half-way between the voxels 11 and 12.
+        assert!((pick.place[1] - 11.5).abs() < 0.51, "{pixel:?}: {}", pick.place[1]);
+    }
+}
+
+#[test]
 fn where_nothing_is_seen_nothing_is_picked() {
     let volume = hills::<u8>();
     let clear =
@@ -122,4 +144,5 @@ fn where_nothing_is_seen_nothing_is_picked() {
     assert!(picks(&scene, &params(Mode::Iso { value: 1e4 }, View::FRONT)).is_empty());
     let prepared = Prepared::new(&scene, &params(Mode::Mip, View::FRONT), &Exec::default()).unwrap();
     assert_eq!(prepared.pick(View::FRONT, [0, 0]).unwrap(), None, "beside the volume");
+    assert!(prepared.pick(View::FRONT, [SIZE[0], 0]).is_err(), "beside the picture");
 }
