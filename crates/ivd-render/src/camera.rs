@@ -70,7 +70,7 @@ impl Camera {
             Held::Volume => Placed::round_volume(grid, params),
             Held::Places(places) => Placed::round_places(grid, params, places, [right, up, towards_eye]),
         };
-        let Placed { centre, distance, pixel_mm } = placed.as_asked(grid, params);
+        let Placed { centre, distance, pixel_mm } = placed.where_asked(grid, params);
         let to_voxel = grid.inverse_linear_part();
         // Differences to the grid's origin first: an origin 10⁶ mm away costs no precision.
         let start = to_voxel * ((centre - Vector3::from(grid.origin())) + towards_eye * distance);
@@ -252,7 +252,7 @@ impl Placed {
     }
 
     /// The same where the view says what lies in the middle, or how far that is.
-    fn as_asked(self, grid: &Grid, params: &RenderParams) -> Self {
+    fn where_asked(self, grid: &Grid, params: &RenderParams) -> Self {
         let View { target, distance, projection, .. } = params.view;
         let Self { mut centre, distance: mut far, mut pixel_mm } = self;
         if let Some(target) = target {

@@ -188,31 +188,27 @@ pub struct Picked {
 
 impl Picked {
     fn of(pixel: [usize; 2], pick: Option<Pick>) -> Self {
-        let Some(Pick { place, rest, voxel, value, label }) = pick else {
-            return Self { pixel, ..Self::default() };
-        };
-        Self { pixel, place_mm: Some(place), rest_mm: Some(rest), voxel: Some(voxel), value, label }
+        pick.map_or(Self { pixel, ..Self::default() }, |Pick { place, rest, voxel, value, label }| Self {
+            pixel,
+            place_mm: Some(place),
+            rest_mm: Some(rest),
+            voxel: Some(voxel),
+            value,
+            label,
+        })
     }
 
     fn told(&self) -> String {
         let [x, y] = self.pixel;
-        let (Some(place), Some(voxel)) = (self.place_mm, self.voxel) else {
+        let (Some(place), Some([i, j, k])) = (self.place_mm, self.voxel) else {
             return format!("nothing is seen at pixel {x}, {y}");
         };
         let place_of = |[x, y, z]: [f64; 3]| format!("{x:.2}, {y:.2}, {z:.2} mm");
-        let mut told = format!("pixel {x}, {y} shows {}", place_of(place));
-        if let Some(rest) = self.rest_mm.filter(|rest| *rest != place) {
-            told += &format!(", before the deformation {}", place_of(rest));
-        }
-        let [i, j, k] = voxel;
-        told += &format!(" (voxel {i}, {j}, {k}");
-        if let Some(value) = self.value {
-            told += &format!(", value {value:.4}");
-        }
-        if let Some(label) = self.label {
-            told += &format!(", label {label}");
-        }
-        told + ")"
+        let rest = self.rest_mm.filter(|rest| *rest != place).map(place_of);
+        let rest = rest.map_or_else(String::new, |rest| format!(", before the deformation {rest}"));
+        let value = self.value.map_or_else(String::new, |value| format!(", value {value:.4}"));
+        let label = self.label.map_or_else(String::new, |label| format!(", label {label}"));
+        format!("pixel {x}, {y} shows {}{rest} (voxel {i}, {j}, {k}{value}{label})", place_of(place))
     }
 }
 

@@ -165,10 +165,10 @@ mod tests {
 
     #[test]
     fn counts_equal_a_plain_count_for_signed_and_unsigned_types_and_odd_lengths() {
-        let exec = Exec::default();
         fn count<T: Tabled>(voxels: &[T], mask: Option<&Mask>, exec: &Exec) -> Result<Histogram, Error> {
             super::count(voxels, mask, exec).map(|counts| Histogram::new(T::LOWEST, &counts))
         }
+        let exec = Exec::default();
         let noise = |i: usize| i.wrapping_mul(2_654_435_761) >> 7;
         let bytes: Vec<u8> = (0..CHUNK + 4099).map(|i| noise(i) as u8).collect();
         assert_eq!(count(&bytes, None, &exec).unwrap(), plain(&bytes));

@@ -79,11 +79,10 @@ impl Kernel for Labelling {
 
     fn on_processor(args: &Labelled<'_>, exec: &Exec) -> Result<SpillVec<u16>, Error> {
         let mut labels = exec.bulk("the labels", args.voxels.len())?;
-        match args.table() {
-            Some(table) => {
-                with_tabled!(args.voxels, slice => labelling::by_table(slice, args.mask, &table, &mut labels), else {})
-            }
-            None => with_voxels!(args.voxels, slice => labelling::by_cuts(slice, args, &mut labels)),
+        if let Some(table) = args.table() {
+            with_tabled!(args.voxels, slice => labelling::by_table(slice, args.mask, &table, &mut labels), else {});
+        } else {
+            with_voxels!(args.voxels, slice => labelling::by_cuts(slice, args, &mut labels));
         }
         Ok(labels)
     }

@@ -270,10 +270,13 @@ fn for_each_row(
     }
 }
 
+/// A row of a brick as it is made already, and a bit for each of its voxels that is left.
+type MadeRow<'a, T> = (&'a [T; LANES], u8);
+
 /// A row of a brick, those voxels set that move; how many there are.
 fn linear_row<T: Scalar>(
     rows: &Rows<'_, T>,
-    (start, row, made): ([usize; 3], &[[f32; 3]; LANES], Option<(&[T; LANES], u8)>),
+    (start, row, made): ([usize; 3], &[[f32; 3]; LANES], Option<MadeRow<'_, T>>),
     from: &[T],
     to: &mut [T],
     value: &impl Fn(VoxelIndex, Option<[f64; 3]>) -> T,

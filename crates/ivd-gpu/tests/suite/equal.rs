@@ -162,7 +162,7 @@ fn field(grid: &Grid, seed: usize) -> Displacement {
     let bricks = dims.map(|n| n.div_ceil(8));
     let (mut table, mut vectors) = (Vec::new(), Vec::<[f32; 3]>::new());
     for b in 0..bricks.iter().product::<usize>() {
-        if noise(b, seed) % 3 == 0 && b > 0 {
+        if noise(b, seed).is_multiple_of(3) && b > 0 {
             table.push(NO_BRICK);
             continue;
         }
@@ -195,7 +195,7 @@ fn field(grid: &Grid, seed: usize) -> Displacement {
 
 fn warp_of(volume: &Volume, exec: &Exec) -> bool {
     let field = field(volume.grid(), 9);
-    let left: Vec<u8> = (0..volume.grid().len()).map(|i| u8::from(noise(i, 10) % 17 == 0)).collect();
+    let left: Vec<u8> = (0..volume.grid().len()).map(|i| u8::from(noise(i, 10).is_multiple_of(17))).collect();
     let torn = field.clone().with_vacated(left.into()).unwrap();
     [field, torn].into_iter().all(|field| {
         let work = |exec: &Exec| {

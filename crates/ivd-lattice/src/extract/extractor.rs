@@ -165,34 +165,31 @@ impl Extractor {
         let sweep = |signs: &Signs, exec: &Exec| {
             sweep::extract(samples, signs, dims, flip, &mut spare.borrow_mut(), exec)
         };
-        let (surface, signs, bricks_active) = match stored {
-            Some((bricks, stored)) => {
-                let signs = RefCell::new(spare_signs);
-                let on_processor = |exec: &Exec| {
-                    let read = signs.take().read(samples, dims, Some(bricks), exec)?;
-                    let surface = sweep(&read, exec);
-                    signs.replace(read);
-                    surface
-                };
-                let cut = Cut { dims, flip, signs: stored, field: &field, on_processor: &on_processor };
-                let surface = exec.launch::<Cutting>(&cut)?;
-                let active = bricks.iter().filter(|b| **b == BrickState::Mixed).count() as u64;
-                (surface, signs.into_inner(), active)
-            }
-            None => {
-                let signs = spare_signs.read(samples, dims, None, exec)?;
-                let (words, rows) = signs.as_words();
-                let cut = Cut {
-                    dims,
-                    flip,
-                    signs: plan::Signs::Read { words, rows },
-                    field: &field,
-                    on_processor: &|exec| sweep(&signs, exec),
-                };
-                let surface = exec.launch::<Cutting>(&cut)?;
-                let active = signs.mixed_bricks();
-                (surface, signs, active)
-            }
+        let (surface, signs, bricks_active) = if let Some((bricks, stored)) = stored {
+            let signs = RefCell::new(spare_signs);
+            let on_processor = |exec: &Exec| {
+                let read = signs.take().read(samples, dims, Some(bricks), exec)?;
+                let surface = sweep(&read, exec);
+                signs.replace(read);
+                surface
+            };
+            let cut = Cut { dims, flip, signs: stored, field: &field, on_processor: &on_processor };
+            let surface = exec.launch::<Cutting>(&cut)?;
+            let active = bricks.iter().filter(|b| **b == BrickState::Mixed).count() as u64;
+            (surface, signs.into_inner(), active)
+        } else {
+            let signs = spare_signs.read(samples, dims, None, exec)?;
+            let (words, rows) = signs.as_words();
+            let cut = Cut {
+                dims,
+                flip,
+                signs: plan::Signs::Read { words, rows },
+                field: &field,
+                on_processor: &|exec| sweep(&signs, exec),
+            };
+            let surface = exec.launch::<Cutting>(&cut)?;
+            let active = signs.mixed_bricks();
+            (surface, signs, active)
         };
         self.signs = signs;
         let Surface { keys, places, triangles } = surface;
