@@ -97,7 +97,7 @@ fn several_series_are_listed_without_the_patient_and_chosen() {
     Made::new("1.2.3", [0.0; 3]).pixels(&[7; 6]).save(&dir, "a");
     Made::new("1.2.40", [0.0; 3]).pixels(&[8; 6]).save(&dir, "b");
     let message = complaint(&dir);
-    for said in ["1.2.3 ", "1.2.40 ", "number 5", "number 6", "T1 OF ***", "1 slices of 3×2", "--series"] {
+    for said in ["1.2.3 ", "1.2.40 ", "number 5", "number 6", "T1 OF ***", "1 slice of 3×2", "--series"] {
         assert!(message.contains(said), "{said}: {message}");
     }
     let value = |series: &str| {
