@@ -1,3 +1,4 @@
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// A graphics processor, or a program that plays one.
@@ -80,7 +81,13 @@ pub enum OpenError {
     },
 }
 
-fn instance() -> wgpu::Instance {
+/// What drivers are reached through, one for the whole process: some can't be loaded again and again.
+fn instance() -> &'static wgpu::Instance {
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(opened)
+}
+
+fn opened() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
     // No layers for debugging, and no drivers that fail the tests of conformance.

@@ -178,7 +178,11 @@ fn samples(schema: &Json) -> Vec<Json> {
 /// A pair of equal numbers inside of a list as an interval that isn't empty.
 fn ascending(item: Json) -> Json {
     match item.as_array().map(Vec::as_slice) {
-        Some([low, high]) if low == high => low.as_f64().map_or(item.clone(), |low| json!([low, low + 1.0])),
+        Some([low, high]) if low == high => match (low.as_i64(), low.as_f64()) {
+            (Some(low), _) => json!([low, low + 1]),
+            (None, Some(low)) => json!([low, low + 1.0]),
+            (None, None) => item.clone(),
+        },
         _ => item,
     }
 }

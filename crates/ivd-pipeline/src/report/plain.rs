@@ -96,7 +96,7 @@ mod tests {
         {
             assert_eq!(!smallest_det_j(value, None).contains("Not good"), is_good, "{value}");
             assert_eq!(!smallest_det_j(value, Some(3)).contains("Not good"), is_good, "{value}");
-            assert!(!smallest_det_j(value, Some(0)).contains("Not good"), "{value}");
+            assert!(value.is_nan() || !smallest_det_j(value, Some(0)).contains("Not good"), "{value}");
         }
         assert!(folds(0).starts_with("good") && folds(2).starts_with("not good"));
     }
