@@ -289,3 +289,23 @@ fn an_error_that_is_kept_is_no_target_that_is_missed() {
     let (told, found) = refine(["--level", "9"]);
     assert!(told.contains("target isn't reached") && found.get("within_mm").is_none(), "{told}");
 }
+
+#[test]
+fn pixels_are_asked_for_one_or_several_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "v.ivd"]);
+    let drawn = |picks: &str| {
+        let words = [
+            "render", "v.ivd", "--mode", "iso", "--iso", "50", "--size", "40", "--picks", picks, "-o",
+            "p.png",
+        ];
+        json(at, &words)["metrics"]["picks"].clone()
+    };
+    let both = drawn("20:20,0:0");
+    assert_eq!(both[0], drawn("20,20")[0]);
+    assert_eq!(both[1], serde_json::json!({ "pixel": [0, 0] }), "nothing is seen there");
+    let place = both[0]["place_mm"].as_array().unwrap();
+    let radius: f64 = place.iter().map(|c| (c.as_f64().unwrap() - 11.5).powi(2)).sum::<f64>().sqrt();
+    assert!(radius < 12.0 && (both[0]["value"].as_f64().unwrap() - 50.0).abs() < 0.1, "{both}");
+}

@@ -98,7 +98,7 @@ fn number(text: &str) -> Result<Json, ParamError> {
         .ok_or_else(|| ParamError::at_itself(format!("`{text}`"), "give a finite number"))
 }
 
-/// `1,2,3`; `640x480` where whole numbers are counted; `a:b,c:d` where each element is a list itself; one element where each is an
+/// `1,2,3`; `640x480` where whole numbers are counted; `a:b,c:d` where each element is a list itself, or `a,b` for one; one element where each is an
 /// object.
 fn read_list(schema: &Json, text: &str) -> Result<Json, ParamError> {
     let Some(items) = schema.get("items") else { return Ok(Json::Array(Vec::new())) };
@@ -108,6 +108,10 @@ fn read_list(schema: &Json, text: &str) -> Result<Json, ParamError> {
         return Ok(Json::Array(vec![read(items, text)?]));
     }
     if is("array") {
+        // One element alone.
+        if !text.contains(':') {
+            return Ok(Json::Array(vec![read_list(items, text)?]));
+        }
         let inner = |part: &str| read_list(items, &part.replace(':', ","));
         return Ok(Json::Array(text.split(',').map(inner).collect::<Result<_, _>>()?));
     }
