@@ -49,7 +49,3 @@ fn case_of(c: Corners, bit: u32) -> u32 {
     let pair = (c.low >> vec4<u32>(bit) & vec4<u32>(1u)) | (c.high >> vec4<u32>(bit) & vec4<u32>(1u)) << vec4<u32>(1u);
     return pair.x | pair.y << 2u | pair.z << 4u | pair.w << 6u;
 }
-
-// Of each case four words: how many triangles, or OPEN where the signs leave that open; and their corners, four bits each.
-const CASE_WORDS = 4u;
-const OPEN = 0x100u;

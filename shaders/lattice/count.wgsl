@@ -2,8 +2,9 @@
 // it is summed up the last one tells the sum of all.
 //#include lattice/words.wgsl
 //#include lattice/cells.wgsl
+//#include lattice/tables.wgsl
 
-@group(0) @binding(3) var<storage, read> cases: array<u32>;
+@group(0) @binding(3) var<storage, read> tables: array<u32>;
 @group(0) @binding(4) var<storage, read_write> counts: array<u32>; // of each word its vertices, then of each word its triangles
 @group(0) @binding(5) var<storage, read_write> opens: array<u32>;
 
@@ -23,7 +24,7 @@ fn main(
             edges = bits.x + bits.y + bits.z;
             let corners = corners_of(w);
             for (var live = active_of(corners); live != 0u; live &= live - 1u) {
-                let count = cases[CASE_WORDS * case_of(corners, firstTrailingBit(live))];
+                let count = tables[CASE_WORDS * case_of(corners, firstTrailingBit(live))];
                 if (count == OPEN) {
                     open += 1u;
                 } else {

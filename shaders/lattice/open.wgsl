@@ -1,8 +1,9 @@
 // Lists the cells that the signs leave open, in order: their word, and their bit in it with their case above.
 //#include lattice/words.wgsl
 //#include lattice/cells.wgsl
+//#include lattice/tables.wgsl
 
-@group(0) @binding(3) var<storage, read> cases: array<u32>;
+@group(0) @binding(3) var<storage, read> tables: array<u32>;
 @group(0) @binding(4) var<storage, read> opens: array<u32>;
 @group(0) @binding(5) var<storage, read_write> list: array<vec2<u32>>;
 
@@ -20,7 +21,7 @@ fn main(
             for (var live = active_of(corners); live != 0u; live &= live - 1u) {
                 let bit = firstTrailingBit(live);
                 let signs_of = case_of(corners, bit);
-                if (cases[CASE_WORDS * signs_of] == OPEN) {
+                if (tables[CASE_WORDS * signs_of] == OPEN) {
                     list[to] = vec2<u32>(w, bit | signs_of << 8u);
                     to += 1u;
                 }

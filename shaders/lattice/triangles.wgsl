@@ -2,14 +2,13 @@
 //#include lattice/words.wgsl
 //#include lattice/cells.wgsl
 //#include lattice/decided.wgsl
+//#include lattice/tables.wgsl
 
-@group(0) @binding(3) var<storage, read> tables: array<u32>; // of each case CASE_WORDS; of each crossing a word; corners of crossings' triangles, four bits each
+@group(0) @binding(3) var<storage, read> tables: array<u32>;
 @group(0) @binding(4) var<storage, read> counts: array<u32>; // summed up: those of the triangles go on from those of the vertices
 @group(0) @binding(5) var<storage, read> opens: array<u32>;
 @group(0) @binding(6) var<storage, read> decided: array<u32>;
 @group(0) @binding(7) var<storage, read_write> corners: array<u32>;
-
-const CROSSINGS = 1024u;
 
 // Numbers of the vertices that a voxel has: on its edges along x, y and z, and the first of its cell.
 fn numbers(w: u32, bit: u32) -> vec4<u32> {
@@ -53,9 +52,9 @@ fn main(
             let entry = CASE_WORDS * case_of(words_of, bit);
             var count = tables[entry];
             if (count == OPEN) {
-                let span = tables[CASE_WORDS * 256u + crossing_of(decided[cell])];
+                let span = tables[CROSSINGS_AT + crossing_of(decided[cell])];
                 cell += 1u;
-                let first = CASE_WORDS * 256u + CROSSINGS + (span >> 8u);
+                let first = TRIANGLES_AT + (span >> 8u);
                 for (var t = 0u; t < (span & 0xffu); t++) {
                     let packed = tables[first + t];
                     for (var k = 0u; k < 3u; k++) {

@@ -47,6 +47,19 @@ impl Gpu {
         Ok(room)
     }
 
+    /// Binds buffers to a pipeline's places.
+    pub(crate) fn bind(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        entries: &[wgpu::BindGroupEntry<'_>],
+    ) -> Result<wgpu::BindGroup, Error> {
+        self.checked("buffers of a kernel", 0, || {
+            let layout = pipeline.get_bind_group_layout(0);
+            let descriptor = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries };
+            self.device.create_bind_group(&descriptor)
+        })
+    }
+
     /// Bytes into what lies on the device already.
     pub(crate) fn write(&self, room: &Room, data: &[u8]) {
         self.queue.write_buffer(&room.buffer, 0, data);

@@ -36,15 +36,22 @@ impl DeviceForm<Cutting> for SharedGpu {
             // What is mapped is looked at by all threads, which nobody may wait for who has the device.
             volume.voxels();
         }
-        match answer(Cutting::NAME, self.attempt(|opened| opened.link(cut, exec)))? {
-            Answer::Done(linked) => {
-                let Linked { keys, triangles, cells } = linked;
-                cut.finish(keys, triangles, &cells, exec).map(Answer::Done)
-            }
-            Answer::Declined(why) => Ok(Answer::Declined(why)),
-            Answer::NoForm => Ok(Answer::NoForm),
-        }
+        let linked = self.attempt(|opened| opened.link(cut, exec));
+        // The processor's share, once the device is free.
+        let finish = |Linked { keys, triangles, cells }| Ok(cut.finish(keys, triangles, &cells, exec)?);
+        answer(Cutting::NAME, linked.and_then(finish))
     }
+}
+
+/// What shaders know of cells, as tables.wgsl has it.
+fn tables(cut: &Cut<'_>) -> Vec<u32> {
+    let [spans, corners] = cut.crossings();
+    let mut tables = cut.cases();
+    let crossings_at = tables.len();
+    tables.extend(spans);
+    tables.resize(crossings_at + CROSSINGS, 0);
+    tables.extend(corners);
+    tables
 }
 
 /// The words of a cut's cells.
@@ -128,7 +135,7 @@ impl Opened {
             return Err(Error::TooLarge { what: "the lattice", bytes: 4 * 17 * padded as u64 });
         }
         let signs = self.signs(cut, words, exec)?;
-        let cases = self.gpu.upload("the cases", bytemuck::cast_slice(&cut.cases()))?;
+        let tables = self.gpu.upload("the tables of cells", bytemuck::cast_slice(&tables(cut)))?;
         let counts = self.gpu.room("the counts", 8 * (all as u64 + 1), RESULT)?;
         let opens = self.gpu.room("the open cells of words", 4 * (all as u64 + 1), RESULT)?;
         let scans = Scans {
@@ -138,12 +145,12 @@ impl Opened {
 
         let count = self.pipeline("lattice/count.wgsl", &[])?;
         let sums = Scans::rooms(&self.gpu, all + 1)?;
-        let counting = words.pass(&count, &[&signs, &cases, &counts, &opens], 1);
+        let counting = words.pass(&count, &[&signs, &tables, &counts, &opens], 1);
         self.desk.make(&self.gpu, "counts of cells", &[counting], &[], exec, |_| {})?;
         let passes = scans.passes(&opens, all + 1, &sums);
         let [open] = self.totals(&passes, [(&opens, all)], exec)?;
 
-        let (list, cells) = self.open_cells(words, [&signs, &cases, &opens], open as usize, exec)?;
+        let (list, cells) = self.open_cells(words, [&signs, &tables, &opens], open as usize, exec)?;
         let mut decided = Vec::with_capacity(cells.len());
         for some in cells.chunks(DECIDED) {
             exec.check_cancelled()?;
@@ -154,13 +161,6 @@ impl Opened {
         });
         let packed: Vec<u32> = packed.collect();
         let at_cells = self.gpu.upload("what was decided", bytemuck::cast_slice(&packed))?;
-        let [spans, corners] = cut.crossings();
-        let crossings = self.gpu.upload("the crossings", bytemuck::cast_slice(&spans))?;
-        let mut tables = cut.cases();
-        tables.extend(&spans);
-        tables.resize(tables.len() - spans.len() + CROSSINGS, 0);
-        tables.extend(corners);
-        let tables = self.gpu.upload("the triangles of cases", bytemuck::cast_slice(&tables))?;
 
         let add = self.pipeline("lattice/add.wgsl", &[])?;
         let sums = Scans::rooms(&self.gpu, 2 * (all + 1))?;
@@ -169,7 +169,7 @@ impl Opened {
             passes.push(Pass {
                 pipeline: &add,
                 numbers: words.numbers([0; 2], cells.len()),
-                rooms: vec![&list, &at_cells, &crossings, &counts],
+                rooms: vec![&list, &at_cells, &tables, &counts],
                 groups: cells.len().div_ceil(LANES),
             });
         }
@@ -217,7 +217,7 @@ impl Opened {
     fn open_cells(
         &mut self,
         words: Words,
-        [signs, cases, opens]: [&Room; 3],
+        [signs, tables, opens]: [&Room; 3],
         count: usize,
         exec: &Exec,
     ) -> Result<(Room, Vec<OpenCell>), Error> {
@@ -226,7 +226,7 @@ impl Opened {
             return Ok((list, Vec::new()));
         }
         let pipeline = self.pipeline("lattice/open.wgsl", &[])?;
-        let pass = words.pass(&pipeline, &[signs, cases, opens, &list], 0);
+        let pass = words.pass(&pipeline, &[signs, tables, opens, &list], 0);
         self.desk.make(&self.gpu, "open cells", &[pass], &[], exec, |_| {})?;
         let read: Vec<[u32; 2]> = self.read(&list, count, exec)?;
         Ok((list, read.into_iter().map(|cell| words.cell(cell)).collect()))

@@ -147,12 +147,5 @@ fn bind(
         resource: room.buffer.as_entire_binding(),
     });
     let entries: Vec<wgpu::BindGroupEntry<'_>> = std::iter::once(own).chain(rooms).collect();
-    gpu.checked("buffers of a kernel", 0, || {
-        let layout = pass.pipeline.get_bind_group_layout(0);
-        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &layout,
-            entries: &entries,
-        })
-    })
+    gpu.bind(pass.pipeline, &entries)
 }

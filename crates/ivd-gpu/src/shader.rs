@@ -13,6 +13,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("lattice/decided.wgsl", include_str!("../../../shaders/lattice/decided.wgsl")),
     ("lattice/open.wgsl", include_str!("../../../shaders/lattice/open.wgsl")),
     ("lattice/signs.wgsl", include_str!("../../../shaders/lattice/signs.wgsl")),
+    ("lattice/tables.wgsl", include_str!("../../../shaders/lattice/tables.wgsl")),
     ("lattice/triangles.wgsl", include_str!("../../../shaders/lattice/triangles.wgsl")),
     ("lattice/vertices.wgsl", include_str!("../../../shaders/lattice/vertices.wgsl")),
     ("lattice/words.wgsl", include_str!("../../../shaders/lattice/words.wgsl")),

@@ -1,6 +1,6 @@
 //! The kernel `warp/linear`.
 
-use bytemuck::{NoUninit, Pod};
+use bytemuck::Pod;
 use ivd_core::{Answer, DeviceForm, Exec, Kernel as _, NO_BRICK, Scalar};
 use ivd_field::warp::plan::{Made, Moving, Warping};
 
@@ -15,13 +15,11 @@ const MARKS: usize = VOXELS / 8;
 /// Bricks that are read at once, at most.
 const READ_BRICKS: usize = 1 << 14;
 
-impl<T: Scalar + Pod + NoUninit> DeviceForm<Warping<T>> for SharedGpu {
+impl<T: Scalar + Pod> DeviceForm<Warping<T>> for SharedGpu {
     fn run(&self, args: &Moving<'_, T>, exec: &Exec) -> Result<Answer<(Vec<T>, u64)>, ivd_core::Error> {
-        match answer(Warping::<T>::NAME, self.attempt(|opened| opened.warp(args, exec)))? {
-            Answer::Done(made) => args.finish(&made, exec).map(Answer::Done),
-            Answer::Declined(why) => Ok(Answer::Declined(why)),
-            Answer::NoForm => Ok(Answer::NoForm),
-        }
+        let made = self.attempt(|opened| opened.warp(args, exec));
+        // The processor's share, once the device is free.
+        answer(Warping::<T>::NAME, made.and_then(|made| Ok(args.finish(&made, exec)?)))
     }
 }
 

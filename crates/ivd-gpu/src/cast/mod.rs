@@ -303,12 +303,5 @@ fn bind<'a>(
             resource: room.buffer.as_entire_binding(),
         })
         .collect();
-    gpu.checked("buffers of a kernel", 0, || {
-        let layout = pipeline.get_bind_group_layout(0);
-        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &layout,
-            entries: &entries,
-        })
-    })
+    gpu.bind(pipeline, &entries)
 }
