@@ -123,7 +123,15 @@ pub fn draw(
     displacement: Option<&Displacement>,
 ) {
     use ivd_render::{Mode, RenderParams, Scene, render};
-    for mode in [Mode::Dvr, Mode::Mip, Mode::Iso { value: 0.5 }] {
+    for mode in [
+        Mode::Dvr,
+        Mode::Mip,
+        Mode::Iso { value: 0.5 },
+        Mode::Minip,
+        Mode::Mean,
+        Mode::Lmip { threshold: None },
+        Mode::AttenuatedMip { attenuation: 10.0 },
+    ] {
         let scene = Scene { transfer: Some(transfer), labels, displacement, ..Scene::new(volume) };
         let params = RenderParams { size: [4, 4], mode, ..RenderParams::default() };
         if let Ok(rendered) = render(&scene, &params, exec()) {

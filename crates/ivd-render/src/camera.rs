@@ -1,6 +1,7 @@
 use ivd_core::{Grid, VoxelCoord};
 use nalgebra::Vector3;
 
+use crate::cut::HalfSpace;
 use crate::fit::{self, Extents, Held};
 use crate::{Projection, RenderParams, View};
 
@@ -25,6 +26,10 @@ pub(crate) struct Camera {
     voxels_away: Vector3<f64>,
     dims: [usize; 3],
     step_mm: f64,
+    /// What is shown.
+    cuts: Vec<HalfSpace>,
+    /// Steps that begin within a voxel of a cut.
+    steps_behind_cut: usize,
 }
 
 /// The part of a ray inside the volume, in voxel coordinates: sample `i` is at `start + i · delta`, never accumulated.
@@ -40,6 +45,17 @@ pub(crate) struct Ray {
     /// What is left after them: its middle, and its length in steps (0 for none).
     pub(crate) rest_at: [f32; 3],
     pub(crate) rest: f32,
+    /// Where it begins at a plane that the picture is clipped by.
+    pub(crate) cut: Option<Cut>,
+}
+
+/// The plane that a ray begins at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Cut {
+    /// Unit, in the world, out of what is shown.
+    pub(crate) normal: [f32; 3],
+    /// First steps of the ray that begin within a voxel of the plane: gradients there reach to its other side.
+    pub(crate) steps: usize,
 }
 
 impl Ray {
@@ -55,6 +71,14 @@ impl Ray {
     pub(crate) fn end(&self, i: usize) -> [f32; 3] {
         let t = i as f32 - 0.5;
         std::array::from_fn(|a| self.start[a] + t * self.delta[a])
+    }
+
+    /// Where it begins.
+    pub(crate) fn first(&self) -> [f32; 3] {
+        if self.steps > 0 {
+            return self.end(0);
+        }
+        std::array::from_fn(|a| self.rest_at[a] - 0.5 * self.rest * self.delta[a])
     }
 }
 
@@ -89,6 +113,8 @@ impl Camera {
             voxels_away: to_voxel * -towards_eye,
             dims: grid.dims(),
             step_mm: step_mm(grid, params),
+            cuts: HalfSpace::all(&params.clip, grid),
+            steps_behind_cut: (1.0 / params.step).ceil() as usize,
         }
     }
 
@@ -166,7 +192,7 @@ impl Camera {
                 (self.start, through / length)
             }
         };
-        let (near, far) = self.clip(from, direction)?;
+        let (near, far, cut) = self.clip(from, direction)?;
         let length = far - near;
         // Not negative: the cast rounds down.
         let whole = (length / self.step_mm + 1e-9) as usize;
@@ -181,11 +207,15 @@ impl Camera {
             steps: whole,
             rest_at: at(far - 0.5 * rest),
             rest: if rest > 1e-6 * self.step_mm { (rest / self.step_mm) as f32 } else { 0.0 },
+            cut: cut.map(|normal| Cut {
+                normal: std::array::from_fn(|a| normal[a] as f32),
+                steps: self.steps_behind_cut,
+            }),
         })
     }
 
-    /// Where the ray is inside the box of voxels [mm along the ray].
-    fn clip(&self, from: Vector3<f64>, direction: Vector3<f64>) -> Option<(f64, f64)> {
+    /// Where the ray is inside the box of voxels, and in all that is shown [mm along the ray]; the normal of the plane that it begins at, if it does.
+    fn clip(&self, from: Vector3<f64>, direction: Vector3<f64>) -> Option<(f64, f64, Option<Vector3<f64>>)> {
         let (mut near, mut far) = (0.0_f64, f64::INFINITY);
         for a in 0..3 {
             let (low, high) = (-0.5, self.dims[a] as f64 - 0.5);
@@ -199,7 +229,23 @@ impl Camera {
             near = near.max(t0.min(t1));
             far = far.min(t0.max(t1));
         }
-        (far.is_finite() && near < far).then_some((near, far))
+        let mut cut = None;
+        for plane in &self.cuts {
+            let (height, rise) = (plane.height(from), plane.along.dot(&direction));
+            if rise.abs() < 1e-12 {
+                if height < 0.0 {
+                    return None;
+                }
+                continue;
+            }
+            let there = -height / rise;
+            if rise < 0.0 {
+                far = far.min(there);
+            } else if there > near {
+                (near, cut) = (there, Some(plane.outward));
+            }
+        }
+        (far.is_finite() && near < far).then_some((near, far, cut))
     }
 }
 
@@ -286,6 +332,11 @@ pub(crate) fn step_mm(grid: &Grid, params: &RenderParams) -> f64 {
 pub(crate) fn centre(grid: &Grid) -> Vector3<f64> {
     let dims = grid.dims();
     grid.world(VoxelCoord(Vector3::from_fn(|a, _| 0.5 * (dims[a] - 1) as f64))).0
+}
+
+/// The longest way through the volume [mm].
+pub(crate) fn diagonal(grid: &Grid) -> f64 {
+    2.0 * radius(grid)
 }
 
 /// Radius of the sphere round the volume [mm].

@@ -46,6 +46,12 @@ impl<T: Stored> Field<'_, T> {
         }
     }
 
+    /// Whether a sample is hidden by where it was before the deformation.
+    pub(crate) fn hides(&self, at: [f32; 3]) -> bool {
+        self.warp
+            .is_some_and(|warp| warp.is_cut() && warp.source(at).is_some_and(|before| warp.hides(before)))
+    }
+
     /// Value at a place, `None` where there is no data.
     #[inline(always)]
     pub(crate) fn value(&self, place: &Place) -> Option<f32> {
@@ -56,11 +62,17 @@ impl<T: Stored> Field<'_, T> {
     /// World normal at a place of the deformed volume; `before` is where it was.
     #[inline(always)]
     fn normal(&self, at: [f32; 3], before: [f32; 3], moves: bool) -> Option<[f32; 3]> {
-        let mut gradient = self.samples.gradient(before);
-        if let (Some(warp), true) = (self.warp, moves) {
-            gradient = warp.pull_back(at, gradient);
+        self.normal_of(self.samples.gradient(before), at, before, moves)
+    }
+
+    /// The same from the gradient there before the deformation; behind a cut that of the cut.
+    #[inline(always)]
+    fn normal_of(&self, gradient: [f32; 3], at: [f32; 3], before: [f32; 3], moves: bool) -> Option<[f32; 3]> {
+        let (Some(warp), true) = (self.warp, moves) else { return self.light.normal(gradient) };
+        match warp.rise_behind_cut(before, self.light.voxel()) {
+            None => self.light.normal(warp.pull_back(at, gradient)),
+            Some(rise) => self.light.normal_along(warp.pull_back(at, rise)),
         }
-        self.light.normal(gradient)
     }
 
     /// A colour under the lamp, at a place that may have moved.
@@ -109,11 +121,7 @@ impl<T: Stored> Field<'_, T> {
         if !SHADED || entry[3] <= 0.0 {
             return entry;
         }
-        let gradient = match (self.warp, moves) {
-            (Some(warp), true) => warp.pull_back(at, gradient),
-            _ => gradient,
-        };
-        self.light.lit(entry, self.light.normal(gradient))
+        self.light.lit(entry, self.normal_of(gradient, at, before, moves))
     }
 
     /// The same at a place that may have moved.
@@ -130,43 +138,16 @@ impl<T: Stored> Field<'_, T> {
     }
 }
 
-/// Maximum intensity projection. `bound` holds for every brick a value that no sample in it exceeds; `sign` is −1
-/// where the real value falls as the fast one rises. Returns the greatest `sign · value`, −∞ where there is none.
-pub(crate) fn mip<T: Stored>(
-    field: &Field<'_, T>,
-    bound: &[f32],
-    sign: f32,
-    skip: bool,
-    ray: &Ray,
-) -> (f32, Cast) {
-    let (mut greatest, mut taken, mut passed) = (f32::NEG_INFINITY, 0, 0);
-    let mut look = |at: [f32; 3], moves: bool, greatest: &mut f32| {
-        taken += 1;
-        let place = field.before(at, moves).map(|before| field.samples.shape.place(before));
-        if let Some(value) = place.and_then(|place| field.value(&place)) {
-            *greatest = greatest.max(sign * value);
-        }
-    };
-    let skipped = field.space.walk(ray, |brick, range| {
-        if skip && bound[brick] <= greatest {
-            passed += range.len();
-            return ControlFlow::Continue(());
-        }
-        let moves = field.moves(brick);
-        for i in range {
-            look(ray.at(i), moves, &mut greatest);
-        }
-        ControlFlow::Continue(())
-    });
-    if ray.rest > 0.0 {
-        look(ray.rest_at, field.moves(field.space.brick(ray.rest_at)), &mut greatest);
-    }
-    let cast = Cast { rgba: [0.0; 4], taken, skipped: skipped + passed };
-    (greatest, cast)
-}
-
 /// Halvings of the step in which a surface was met: its place is good to 2⁻¹⁶ of a step.
 pub(crate) const HALVINGS: usize = 16;
+
+/// Where a ray meets a surface.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Hit {
+    pub(crate) at: [f32; 3],
+    /// Of a face that the picture is cut at: its normal.
+    cut: Option<[f32; 3]>,
+}
 
 /// First hit of the surface where `sign · value` reaches `iso`, refined by bisection; samples taken, and samples passed over.
 #[inline(always)]
@@ -175,7 +156,7 @@ pub(crate) fn first_place<T: Stored>(
     iso: f32,
     sign: f32,
     ray: &Ray,
-) -> (Option<[f32; 3]>, usize, usize) {
+) -> (Option<Hit>, usize, usize) {
     let mut taken = 0;
     let mut inside = |at: [f32; 3]| {
         taken += 1;
@@ -197,15 +178,22 @@ pub(crate) fn first_place<T: Stored>(
         hit = Some((ray.steps, ray.rest_at));
     }
     let Some((index, mut at)) = hit else { return (None, taken, skipped) };
-    // Between the sample before and this one, unless this is the first or the one before is no data.
-    if index > 0 && inside(ray.at(index - 1)) == Some(false) {
-        let mut outside = ray.at(index - 1);
-        for _ in 0..HALVINGS {
-            let middle = std::array::from_fn(|a| 0.5 * (outside[a] + at[a]));
-            if inside(middle) == Some(true) { at = middle } else { outside = middle }
+    // Between the sample before, or the cut that the ray begins at, and this one, unless there is none or it is no data. What was hidden before the
+    // deformation is data.
+    let before = if index > 0 { Some(ray.at(index - 1)) } else { ray.cut.map(|_| ray.first()) };
+    if let Some(mut outside) = before {
+        let there = inside(outside);
+        if let (0, Some(true), Some(cut)) = (index, there, ray.cut) {
+            return (Some(Hit { at: outside, cut: Some(cut.normal) }), taken, skipped);
+        }
+        if there == Some(false) || field.hides(outside) {
+            for _ in 0..HALVINGS {
+                let middle = std::array::from_fn(|a| 0.5 * (outside[a] + at[a]));
+                if inside(middle) == Some(true) { at = middle } else { outside = middle }
+            }
         }
     }
-    (Some(at), taken, skipped)
+    (Some(Hit { at, cut: None }), taken, skipped)
 }
 
 /// The same, lit.
@@ -217,9 +205,9 @@ pub(crate) fn first_hit<T: Stored>(
     ray: &Ray,
 ) -> Cast {
     let (hit, taken, skipped) = first_place(field, iso, sign, ray);
-    let Some(at) = hit else { return Cast { rgba: [0.0; 4], taken, skipped } };
+    let Some(Hit { at, cut }) = hit else { return Cast { rgba: [0.0; 4], taken, skipped } };
     let moves = field.moves(field.space.brick(at));
-    let normal = field.before(at, moves).and_then(|before| field.normal(at, before, moves));
+    let normal = cut.or_else(|| field.before(at, moves).and_then(|before| field.normal(at, before, moves)));
     let [r, g, b] = surface;
     Cast { rgba: field.light.lit([r, g, b, 1.0], normal), taken, skipped }
 }

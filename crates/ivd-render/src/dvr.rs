@@ -1,4 +1,4 @@
-use crate::camera::Ray;
+use crate::camera::{Cut, Ray};
 use crate::cast::{Cast, Field};
 use crate::classify::{Classifier, of_part};
 use crate::empty_space::{Home, NOWHERE};
@@ -20,6 +20,9 @@ pub(crate) trait Optics<T: Stored> {
 
     /// The shorter step at a ray's end.
     fn rest(&self, field: &Field<'_, T>, ray: &Ray) -> [f32; 4];
+
+    /// The same without light; `None` where there is none.
+    fn unlit(&self) -> Option<impl Optics<T, End = Self::End>>;
 }
 
 /// A step of a ray.
@@ -45,11 +48,13 @@ pub(crate) fn dvr<T: Stored, O: Optics<T>>(
     ray: &Ray,
 ) -> Cast {
     let space = field.space;
-    let mut rgba = [0.0_f32; 4];
-    let (mut taken, mut skipped) = (0, 0);
+    let Begun { mut rgba, steps: mut number } = behind_cut(field, optics, termination, ray);
+    let (mut taken, mut skipped) = (number, 0);
+    if rgba[3] >= termination {
+        return Cast { rgba, taken, skipped };
+    }
     let (mut home, mut brick) = (NOWHERE, 0);
     let mut front = None;
-    let mut number = 0;
     while number < ray.steps {
         let at = ray.at(number);
         let place = field.samples.shape.place(at);
@@ -74,9 +79,59 @@ pub(crate) fn dvr<T: Stored, O: Optics<T>>(
     }
     if ray.rest > 0.0 {
         taken += 1;
-        over(&mut rgba, optics.rest(field, ray));
+        let cut = ray.cut.filter(|cut| ray.steps < cut.steps);
+        let entry = match cut.and_then(|cut| Some((cut, optics.unlit()?))) {
+            Some((cut, unlit)) => field.light.lit(unlit.rest(field, ray), Some(cut.normal)),
+            None => optics.rest(field, ray),
+        };
+        over(&mut rgba, entry);
     }
     Cast { rgba, taken, skipped }
+}
+
+/// What a ray has come to behind the cut that it begins at.
+pub(crate) struct Begun {
+    pub(crate) rgba: [f32; 4],
+    /// Whole steps taken.
+    pub(crate) steps: usize,
+}
+
+/// The steps of a ray within a voxel of the cut that it begins at, lit as the cut lies; none of a ray that begins at none, or isn't lit.
+#[inline(always)]
+pub(crate) fn behind_cut<T: Stored, O: Optics<T>>(
+    field: &Field<'_, T>,
+    optics: &O,
+    termination: f32,
+    ray: &Ray,
+) -> Begun {
+    let mut begun = Begun { rgba: [0.0; 4], steps: 0 };
+    if let Some(cut) = ray.cut
+        && let Some(unlit) = optics.unlit()
+    {
+        begin(&mut begun, field, &unlit, cut, termination, ray);
+    }
+    begun
+}
+
+#[inline(never)]
+fn begin<T: Stored, O: Optics<T>>(
+    begun: &mut Begun,
+    field: &Field<'_, T>,
+    unlit: &O,
+    cut: Cut,
+    termination: f32,
+    ray: &Ray,
+) {
+    let mut front = None;
+    while begun.steps < cut.steps.min(ray.steps) && begun.rgba[3] < termination {
+        let at = ray.at(begun.steps);
+        let place = field.samples.shape.place(at);
+        let step = Step { number: begun.steps, at, place, brick: field.space.brick(at) };
+        let (entry, end) = unlit.step(field, ray, &step, front);
+        let entry = if entry[3] > 0.0 { field.light.lit(entry, Some(cut.normal)) } else { entry };
+        over(&mut begun.rgba, entry);
+        (begun.steps, front) = (begun.steps + 1, Some(end));
+    }
 }
 
 #[inline(always)]
@@ -108,5 +163,9 @@ impl<T: Stored, const LABELLED: bool, const SHADED: bool> Optics<T> for AtMiddle
     fn rest(&self, field: &Field<'_, T>, ray: &Ray) -> [f32; 4] {
         let moves = field.moves(field.space.brick(ray.rest_at));
         of_part(field.classified_before::<LABELLED, SHADED>(self.0, ray.rest_at, moves), ray.rest)
+    }
+
+    fn unlit(&self) -> Option<impl Optics<T, End = ()>> {
+        SHADED.then_some(AtMiddle::<LABELLED, false>(self.0))
     }
 }

@@ -224,7 +224,7 @@ mod tests {
         ];
         for (start, delta) in rays {
             let inverse = delta.map(|d: f32| 1.0 / d);
-            let ray = Ray { start, delta, inverse, steps: 100, rest_at: start, rest: 0.0 };
+            let ray = Ray { start, delta, inverse, steps: 100, rest_at: start, rest: 0.0, cut: None };
             let mut visited = [false; 100];
             let leapt = space.walk(&ray, |brick, range| {
                 for i in range {

@@ -13,6 +13,7 @@
 //!   where no displacement is stored the pixels are those of the undeformed volume, bit for bit.
 //! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are leapt over. On or off, the
 //!   pixels are the same bit for bit; so are they for any number of threads, and whether rays are cast one by one or eight at a time.
+//! - **Clipping.** Half spaces and boxes in world space shorten rays, so that steps begin at the cut; at rest they hide samples by where these come from.
 //! - **View.** Azimuth 0 and elevation 0 show a patient from the front, head up, the patient's left at the picture's right. At zoom 1 what is
 //!   seen fits into the picture, before and after a deformation alike ([`Fit`]).
 //!
@@ -50,6 +51,7 @@ mod camera;
 mod cast;
 mod cell;
 mod classify;
+mod cut;
 mod difference;
 mod dvr;
 mod empty_space;
@@ -82,6 +84,7 @@ mod warp;
 mod wide;
 mod written;
 
+pub use cut::{Clip, ClipSpace};
 pub use difference::{Difference, difference};
 pub use error::Error;
 pub use frame::Radiance;
@@ -92,8 +95,9 @@ pub use prepared::Prepared;
 pub use rendered::Rendered;
 pub use scene::Scene;
 pub use stage::{
-    Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING, IsoParams, MipParams,
-    Pair, Picked, Plain, RenderFigures, STAGE, VOLUME, WHOLE,
+    AttenuatedMipParams, Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING,
+    IsoParams, LmipParams, MeanParams, MinipParams, MipParams, Pair, Picked, Plain, RenderFigures, STAGE,
+    VOLUME, WHOLE,
 };
 pub use surface::{SurfaceStyle, surface};
 

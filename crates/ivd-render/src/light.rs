@@ -18,6 +18,10 @@ pub(crate) struct Light {
     pub(crate) to_world: [[f32; 3]; 3],
     /// Real units in one of the fast values.
     unit: f32,
+    /// −1 where the real value falls as the stored one rises, else 1.
+    slope: f32,
+    /// The shortest edge of a voxel [mm].
+    voxel: f32,
 }
 
 impl Light {
@@ -33,6 +37,8 @@ impl Light {
             halfway: single(halfway),
             to_world: std::array::from_fn(|r| std::array::from_fn(|c| transposed[(r, c)] as f32)),
             unit: slope.abs() as f32,
+            slope: slope.signum() as f32,
+            voxel: to_voxel.row_iter().map(|row| 1.0 / row.norm()).fold(f64::INFINITY, f64::min) as f32,
         }
     }
 
@@ -51,6 +57,16 @@ impl Light {
     fn world(&self, gradient: [f32; 3]) -> [f32; 3] {
         let m = &self.to_world;
         std::array::from_fn(|r| m[r][0] * gradient[0] + m[r][1] * gradient[1] + m[r][2] * gradient[2])
+    }
+
+    /// The shortest edge of a voxel [mm].
+    pub(crate) fn voxel(&self) -> f32 {
+        self.voxel
+    }
+
+    /// Unit world normal against a rise per voxel, whichever way the values go.
+    pub(crate) fn normal_along(&self, rise: [f32; 3]) -> Option<[f32; 3]> {
+        self.normal(rise.map(|c| self.slope * c))
     }
 
     /// Unit world normal from a gradient per voxel: against the gradient, out of what is dense. `None` where there is no

@@ -2,6 +2,7 @@ use ivd_core::ParamError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::cut::{Clip, ClipSpace};
 use crate::written;
 
 /// What a ray makes of the values along it.
@@ -12,12 +13,29 @@ pub enum Mode {
     Dvr,
     /// The greatest value, as grey over the volume's range.
     Mip,
+    /// The least value, as grey over the volume's range.
+    Minip,
+    /// The mean value, as grey over the volume's range; the last, shorter step counts by its length.
+    Mean,
+    /// The first local maximum at or above a threshold, else the greatest value, as grey over the volume's range.
+    Lmip {
+        /// In real values; without it the middle of the volume's range.
+        threshold: Option<f64>,
+    },
+    /// The greatest grey, where what lies before a sample dims it.
+    AttenuatedMip {
+        /// White all along the volume's diagonal dims by `exp(−attenuation)`.
+        attenuation: f64,
+    },
     /// The first place where the value reaches `value`, as a lit opaque surface.
     Iso {
         /// Isovalue, in real values.
         value: f64,
     },
 }
+
+/// Most that white along the diagonal dims, as a power of e.
+pub(crate) const MOST_ATTENUATION: f64 = 1000.0;
 
 /// What colour and opacity a step of a ray gets from a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -182,6 +200,11 @@ pub struct RenderParams {
     /// and label.
     #[schemars(extend("x-unit" = "pixels"))]
     pub picks: Vec<[usize; 2]>,
+    /// What is shown: half spaces, by a point of their plane and a normal towards their inside, and boxes along the world's axes, by their lowest and
+    /// highest corner; what lies in all of them. Cut faces are lit as the planes lie.
+    pub clip: Vec<Clip>,
+    /// Where planes and boxes lie: where the deformed volume is, or where it was before.
+    pub clip_space: ClipSpace,
     /// Colour of a surface in mode iso, linear RGB.
     #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
     pub surface: [f64; 3],
@@ -202,6 +225,8 @@ impl Default for RenderParams {
             annotate: true,
             background: [0.0, 0.0, 0.0, 1.0],
             picks: Vec::new(),
+            clip: Vec::new(),
+            clip_space: ClipSpace::Deformed,
             surface: [0.80, 0.72, 0.58],
         }
     }
@@ -214,17 +239,39 @@ impl RenderParams {
     /// [`ParamError`] names the first field that leaves it.
     pub fn check(&self) -> Result<(), ParamError> {
         ivd_core::op::check_fields(self)?;
-        self.check_together()?;
+        self.check_together()
+    }
+
+    /// Checks what a mode asks for.
+    fn check_mode(&self) -> Result<(), ParamError> {
         match self.mode {
             Mode::Iso { value } if !value.is_finite() => {
                 Err(ParamError::new("iso", format!("{value}"), "give a finite isovalue"))
             }
-            Mode::Dvr | Mode::Mip | Mode::Iso { .. } => Ok(()),
+            Mode::Lmip { threshold: Some(value) } if !value.is_finite() => {
+                Err(ParamError::new("threshold", format!("{value}"), "give a finite value"))
+            }
+            Mode::AttenuatedMip { attenuation } if !(0.0..=MOST_ATTENUATION).contains(&attenuation) => {
+                Err(ParamError::new("attenuation", format!("{attenuation}"), "give 0 … 1000"))
+            }
+            Mode::Mean if !self.picks.is_empty() => {
+                let problem = "a mean is of all samples of a ray, so that a pixel shows no place";
+                Err(ParamError::new("picks", problem, "use another mode, or leave them out"))
+            }
+            Mode::Dvr
+            | Mode::Mip
+            | Mode::Minip
+            | Mode::Mean
+            | Mode::Lmip { .. }
+            | Mode::AttenuatedMip { .. }
+            | Mode::Iso { .. } => Ok(()),
         }
     }
 
     /// Checks what the schema of a field can't say.
     pub(crate) fn check_together(&self) -> Result<(), ParamError> {
+        self.check_mode()?;
+        self.clip.iter().try_for_each(Clip::check)?;
         let elevation = self.view.angles[1];
         if !(-90.0..=90.0).contains(&elevation) {
             let problem = format!("an elevation of {elevation} degrees");
@@ -262,6 +309,12 @@ mod tests {
         assert_eq!(bad(RenderParams { step: f64::NAN, ..ok() }), "step");
         assert_eq!(bad(RenderParams { termination: 0.0, ..ok() }), "termination");
         assert_eq!(bad(RenderParams { mode: Mode::Iso { value: f64::NAN }, ..ok() }), "iso");
+        let clip = |clip| bad(RenderParams { clip: vec![clip], ..ok() });
+        assert_eq!(clip(Clip::default()), "clip");
+        assert_eq!(clip(Clip { min: Some([0.0; 3]), ..Clip::plane([0.0; 3], [1.0; 3]) }), "clip");
+        assert_eq!(clip(Clip::plane([0.0; 3], [0.0; 3])), "clip");
+        assert_eq!(clip(Clip::cuboid([0.0, 2.0, 0.0], [1.0; 3])), "clip");
+        assert!(clip(Clip::plane([f64::NAN; 3], [1.0; 3])).starts_with("clip"));
         let view = View { angles: [0.0, 91.0], ..View::default() };
         assert_eq!(bad(RenderParams { view, ..ok() }), "view");
         let view = View { distance: Some(50.0), ..View::default() };

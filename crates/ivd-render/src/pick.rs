@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use crate::camera::Ray;
 use crate::cast::{Field, first_place};
 use crate::dvr::{Optics, Step};
+use crate::project::{Project, decisive};
 use crate::samples::Stored;
 
 /// Opacity behind which lies what a picture is said to show; where a whole ray has less, half of what it has.
@@ -77,22 +78,17 @@ pub(crate) fn half_way<T: Stored, O: Optics<T>>(field: &Field<'_, T>, optics: &O
 
 /// Where a ray meets a surface.
 pub(crate) fn on_surface<T: Stored>(field: &Field<'_, T>, iso: f32, sign: f32, ray: &Ray) -> Option<Seen> {
-    first_place(field, iso, sign, ray).0.map(Seen::at)
+    first_place(field, iso, sign, ray).0.map(|hit| Seen::at(hit.at))
 }
 
-/// Where a ray's value is greatest, of equal ones the nearest.
-pub(crate) fn greatest<T: Stored>(field: &Field<'_, T>, sign: f32, ray: &Ray) -> Option<Seen> {
-    let last = (ray.rest > 0.0).then_some(ray.rest_at);
-    let mut best: Option<(f32, [f32; 3])> = None;
-    for at in (0..ray.steps).map(|i| ray.at(i)).chain(last) {
-        let before = field.before(at, field.moves(field.space.brick(at)));
-        let value = before.and_then(|before| field.value(&field.samples.shape.place(before)));
-        let Some(value) = value.map(|value| sign * value) else { continue };
-        if best.is_none_or(|(greatest, _)| value > greatest) {
-            best = Some((value, at));
-        }
-    }
-    best.map(|(_, at)| Seen::at(at))
+/// Where the sample lies that a projection shows, of equal ones the nearest.
+pub(crate) fn projected<T: Stored, P: Project>(
+    field: &Field<'_, T>,
+    projection: &P,
+    sign: f32,
+    ray: &Ray,
+) -> Option<Seen> {
+    decisive(field, projection, sign, ray).map(Seen::at)
 }
 
 /// What is seen, of the patient; `real` makes a fast value real.

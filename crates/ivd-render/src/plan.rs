@@ -130,7 +130,7 @@ pub enum PlanLook<'a> {
     Maximum {
         /// For every brick a value that no sample in it exceeds.
         bounds: &'a [f32],
-        /// −1 where the real value falls as the fast one rises, else 1.
+        /// −1 where what is sought falls as the fast value rises, as where the least one is, else 1.
         sign: f32,
         /// Whether bricks whose bound is no greater than what was met are passed over.
         skip: bool,
@@ -235,7 +235,7 @@ impl Plan<'_> {
 
     /// The ray through the middle of a pixel, `None` where it misses the volume.
     pub fn ray(&self, x: usize, y: usize) -> Option<PlanRay> {
-        let Ray { start, delta, inverse: _, steps, rest_at, rest } = self.camera.ray(x, y)?;
+        let Ray { start, delta, steps, rest_at, rest, .. } = self.camera.ray(x, y)?;
         Some(PlanRay { start, delta, steps: steps as u32, rest_at, rest })
     }
 

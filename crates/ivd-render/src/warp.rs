@@ -2,6 +2,7 @@ use ivd_core::{BRICK, Displacement, FieldBricks, NO_BRICK};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::cell::{Corners, between, slopes, turned};
+use crate::cut::HalfSpace;
 use crate::samples::{Place, Shape};
 
 /// Room for the rounding of `f32` positions [voxels].
@@ -17,6 +18,22 @@ pub(crate) struct Warp<'a> {
     rows: [[f32; 3]; 3],
     /// For each brick of cells: whether its samples may come from elsewhere.
     moved: Vec<bool>,
+    /// What is shown, by where it was before.
+    cuts: Vec<RestCut>,
+}
+
+/// A half space that is shown, for samples by where they were before.
+struct RestCut {
+    /// Rise of the height with a voxel along each axis [mm], and that of voxel 0.
+    along: [f32; 3],
+    offset: f32,
+}
+
+impl RestCut {
+    #[inline(always)]
+    fn height(&self, [x, y, z]: [f32; 3]) -> f32 {
+        self.along[0] * x + self.along[1] * y + self.along[2] * z + self.offset
+    }
 }
 
 impl<'a> Warp<'a> {
@@ -40,18 +57,64 @@ impl<'a> Warp<'a> {
             }
         }
         let rows = std::array::from_fn(|r| std::array::from_fn(|c| to_voxel[(r, c)] as f32));
-        Self { inverse: displacement.inverse(), vacated, shape, to_voxel, rows, moved }
+        Self { inverse: displacement.inverse(), vacated, shape, to_voxel, rows, moved, cuts: Vec::new() }
     }
 
-    /// Whether samples of a brick may come from elsewhere. Elsewhere the map is the identity, exactly.
+    /// The same, of which samples are hidden that were outside of half spaces before.
+    pub(crate) fn with_cuts(mut self, cuts: &[HalfSpace]) -> Self {
+        let bricks = self.inverse.brick_dims();
+        for (b, moved) in self.moved.iter_mut().enumerate() {
+            let at = [b % bricks[0], b / bricks[0] % bricks[1], b / bricks[0] / bricks[1]];
+            let corner = |corner: usize| {
+                let side = |a: usize| if corner >> a & 1 == 1 { BRICK as f64 + 1.0 } else { -1.0 };
+                Vector3::from_fn(|a, _| (at[a] * BRICK) as f64 + side(a))
+            };
+            *moved |= cuts.iter().any(|cut| (0..8).any(|i| cut.height(corner(i)) < 0.0));
+        }
+        let rest = |cut: &HalfSpace| RestCut {
+            along: std::array::from_fn(|a| cut.along[a] as f32),
+            offset: cut.height(Vector3::zeros()) as f32,
+        };
+        self.cuts = cuts.iter().map(rest).collect();
+        self
+    }
+
+    /// Whether samples are hidden by where they were before.
+    pub(crate) fn is_cut(&self) -> bool {
+        !self.cuts.is_empty()
+    }
+
+    /// Whether a place that was at `before` is hidden.
+    #[inline(always)]
+    pub(crate) fn hides(&self, before: [f32; 3]) -> bool {
+        self.cuts.iter().any(|cut| cut.height(before) < 0.0)
+    }
+
+    /// Rise per voxel into what is shown, where a place was within `depth` [mm] of a cut: of the nearest.
+    #[inline(always)]
+    pub(crate) fn rise_behind_cut(&self, before: [f32; 3], depth: f32) -> Option<[f32; 3]> {
+        let heights = self.cuts.iter().map(|cut| (cut.height(before), cut.along));
+        heights
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .filter(|(height, _)| *height < depth)
+            .map(|(_, along)| along)
+    }
+
+    /// Whether samples of a brick may come from elsewhere, or are hidden. Elsewhere the map is the identity, exactly.
     #[inline(always)]
     pub(crate) fn moves(&self, brick: usize) -> bool {
         self.moved[brick]
     }
 
-    /// Where the place `at` was before; `None` where it was outside the volume, or is vacated.
+    /// Where the place `at` was before; `None` where it was outside the volume or is hidden, or is vacated.
     #[inline(always)]
     pub(crate) fn before(&self, at: [f32; 3]) -> Option<[f32; 3]> {
+        self.source(at).filter(|&before| !self.hides(before))
+    }
+
+    /// The same of what is hidden as well.
+    #[inline(always)]
+    pub(crate) fn source(&self, at: [f32; 3]) -> Option<[f32; 3]> {
         let place = self.shape.place(at);
         if self.is_vacated(&place) {
             return None;

@@ -3,6 +3,7 @@
 //! The argument for the `unsafe` blocks: packets need AVX2, which not every processor has, and [`Wide`] is only true where it was
 //! found at run time.
 
+use crate::camera::Ray;
 use crate::cast::{self, Cast, Field};
 use crate::dvr;
 #[cfg(not(target_arch = "x86_64"))]
@@ -10,11 +11,13 @@ use crate::dvr::Optics as Looks;
 use crate::frame::{LANES, Packet, one_by_one};
 #[cfg(target_arch = "x86_64")]
 use crate::packet;
-use crate::project::Bounds;
+#[cfg(not(target_arch = "x86_64"))]
+use crate::project::Project as ProjectLanes;
+use crate::project::{self, Bounds};
 #[cfg(not(target_arch = "x86_64"))]
 use crate::samples::Stored as Pairs;
 #[cfg(target_arch = "x86_64")]
-pub(crate) use packet::{Looks, Pairs};
+pub(crate) use packet::{Looks, Pairs, ProjectLanes};
 
 /// Whether packets serve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,11 +60,12 @@ pub(crate) fn dvr<T: Pairs, L: Looks<T>>(
     one_by_one(rays, |ray| dvr::dvr(field, looks, termination, ray))
 }
 
-/// [`cast::mip`] of each ray of a packet.
+/// [`project::project`] of each ray of a packet.
 #[inline(always)]
-pub(crate) fn mip<T: Pairs>(
+pub(crate) fn project<T: Pairs, P: ProjectLanes>(
     wide: Wide,
     field: &Field<'_, T>,
+    projection: &P,
     bounds: &Bounds,
     sign: f32,
     skip: bool,
@@ -70,13 +74,13 @@ pub(crate) fn mip<T: Pairs>(
     #[cfg(target_arch = "x86_64")]
     if wide.0 && packet::serves_rays(rays) {
         // SAFETY: AVX2 was found.
-        return unsafe { packet::mip(field, bounds, sign, skip, rays) };
+        return unsafe { packet::project(field, projection, bounds, sign, skip, rays) };
     }
     let _ = wide;
     let nothing = (f32::NEG_INFINITY, Cast::default());
-    std::array::from_fn(|lane| {
-        rays[lane].as_ref().map_or(nothing, |ray| cast::mip(field, &bounds.of_bricks, sign, skip, ray))
-    })
+    let bounds = &bounds.of_bricks;
+    let alone = |ray: &Ray| project::project(field, projection, bounds, sign, skip, ray);
+    std::array::from_fn(|lane| rays[lane].as_ref().map_or(nothing, alone))
 }
 
 /// [`cast::first_hit`] of each ray of a packet.
@@ -108,6 +112,7 @@ mod tests {
     use crate::fit::Held;
     use crate::light::Light;
     use crate::preintegrated::{AtEnds, Preintegrated};
+    use crate::project::{Attenuated, FirstPeak, Greatest, Mean};
     use crate::samples::{Samples, Shape};
     use crate::warp::Warp;
     use crate::{Projection, RenderParams, View};
@@ -198,14 +203,21 @@ mod tests {
             let bounds = Bounds::new(field.space.bricks(), bounds);
             let negative = Bounds::new(field.space.bricks(), vec![0.0; index.len()]);
             for skip in [false, true].into_iter().filter(|_| !empty.iter().any(|&is| is)) {
-                same(&camera, |wide, rays| {
-                    mip(wide, &field, &bounds, 1.0, skip, rays)
-                        .map(|(value, cast)| Cast { rgba: [value; 4], ..cast })
-                });
-                same(&camera, |wide, rays| {
-                    mip(wide, &field, &negative, -1.0, skip, rays)
-                        .map(|(value, cast)| Cast { rgba: [value; 4], ..cast })
-                });
+                let dimming = |scale: f64, bias| Attenuated {
+                    low: 0.0,
+                    scale: (1.0 / scale) as f32,
+                    bias,
+                    of_step: 0.2,
+                };
+                for (bounds, sign) in [(&bounds, 1.0), (&negative, -1.0)] {
+                    let at = |level: f64| FirstPeak { threshold: sign * (level * scale) as f32 };
+                    projected(&camera, &field, &Greatest, bounds, sign, skip);
+                    projected(&camera, &field, &Mean, bounds, sign, skip);
+                    projected(&camera, &field, &at(0.3), bounds, sign, skip);
+                    projected(&camera, &field, &at(0.7), bounds, sign, skip);
+                    projected(&camera, &field, &dimming(scale, 0.0), bounds, sign, skip);
+                    projected(&camera, &field, &dimming(f64::INFINITY, 1.0), bounds, sign, skip);
+                }
             }
             // Bricks that are clear have no value above 20 of 64.
             for level in [0.35, 0.5, 0.9] {
@@ -230,20 +242,44 @@ mod tests {
         }
     }
 
-    /// Casts every ray both ways.
+    /// Casts every ray of a projection both ways.
+    fn projected<T: Pairs, P: ProjectLanes>(
+        camera: &Camera,
+        field: &Field<'_, T>,
+        projection: &P,
+        bounds: &Bounds,
+        sign: f32,
+        skip: bool,
+    ) {
+        alike(camera, |wide, rays| {
+            project(wide, field, projection, bounds, sign, skip, rays)
+                .map(|(value, cast)| Cast { rgba: [value; 4], ..cast })
+        });
+    }
+
+    /// Casts every ray both ways; packets take samples in clear bricks as well.
     fn same(camera: &Camera, cast: impl Fn(Wide, &Packet) -> [Cast; LANES]) {
+        for (any, packet) in alike(camera, cast) {
+            assert!(packet.taken >= any.taken);
+        }
+    }
+
+    /// Casts every ray both ways, to the same bytes.
+    fn alike(camera: &Camera, cast: impl Fn(Wide, &Packet) -> [Cast; LANES]) -> Vec<(Cast, Cast)> {
+        let mut pairs = Vec::new();
         for i in 0..(24 * 20 / LANES) {
             let rays: Packet = std::array::from_fn(|lane| {
                 let at = i * LANES + lane;
                 camera.ray(at % 24, at / 24)
             });
             let (any, packet) = (cast(Wide::none(), &rays), cast(Wide::detected([2; 3], true), &rays));
-            for (any, packet) in any.iter().zip(packet) {
-                assert_eq!(any.rgba.map(f32::to_bits), packet.rgba.map(f32::to_bits));
-                assert!(packet.taken >= any.taken);
-                assert_eq!(packet.taken + packet.skipped, any.taken + any.skipped);
-            }
+            pairs.extend(any.into_iter().zip(packet));
         }
+        for (any, packet) in &pairs {
+            assert_eq!(any.rgba.map(f32::to_bits), packet.rgba.map(f32::to_bits));
+            assert_eq!(packet.taken + packet.skipped, any.taken + any.skipped);
+        }
+        pairs
     }
 
     #[test]

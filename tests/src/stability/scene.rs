@@ -290,9 +290,10 @@ fn map(random: &mut Seeded, length: f64) -> OctreeParams {
 }
 
 fn render(random: &mut Seeded, value: f64) -> RenderParams {
+    let projection = random.pick(&[Mode::Mip, Mode::Minip, Mode::Mean, Mode::Lmip { threshold: None }]);
     RenderParams {
         size: [5 + random.below(20), 5 + random.below(12)],
-        mode: random.pick(&[Mode::Dvr, Mode::Dvr, Mode::Dvr, Mode::Mip, Mode::Iso { value }]),
+        mode: random.pick(&[Mode::Dvr, Mode::Dvr, Mode::Dvr, projection, Mode::Iso { value }]),
         view: View {
             angles: [random.between(-180.0, 180.0), random.pick(&[0.0, -90.0, 90.0, 37.0])],
             zoom: random.pick(&[1.0, 1.0, 4.0]),

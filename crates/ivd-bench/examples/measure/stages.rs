@@ -112,8 +112,15 @@ fn in_mode(params: RenderParams, mode: &[&str]) -> Anything<RenderParams> {
         [] => params,
         ["shaded"] => RenderParams { shading: true, ..params },
         ["mip"] => RenderParams { mode: Mode::Mip, ..params },
+        ["minip"] => RenderParams { mode: Mode::Minip, ..params },
+        ["mean"] => RenderParams { mode: Mode::Mean, ..params },
+        ["lmip"] => RenderParams { mode: Mode::Lmip { threshold: None }, ..params },
+        ["attenuated-mip"] => RenderParams { mode: Mode::AttenuatedMip { attenuation: 10.0 }, ..params },
         [iso] => {
-            let value = iso.strip_prefix("iso=").ok_or("a mode: shaded, mip or iso=VALUE")?.parse()?;
+            let value = iso
+                .strip_prefix("iso=")
+                .ok_or("a mode: shaded, mip, minip, mean, lmip, attenuated-mip or iso=VALUE")?
+                .parse()?;
             RenderParams { mode: Mode::Iso { value }, shading: true, ..params }
         }
         _ => return Err("one mode".into()),

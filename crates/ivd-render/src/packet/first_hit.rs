@@ -3,7 +3,7 @@
 #[allow(clippy::wildcard_imports, reason = "some twenty intrinsics")]
 use std::arch::x86_64::*;
 
-use crate::cast::{Cast, Field, HALVINGS};
+use crate::cast::{self, Cast, Field, HALVINGS};
 use crate::frame::{LANES, Packet};
 
 use super::vectors::{any, each, floats, set, spread, transposed, wholes};
@@ -18,7 +18,7 @@ pub(crate) fn first_hit<T: Pairs>(
     surface: [f32; 3],
     rays: &Packet,
 ) -> [Cast; LANES] {
-    let (cells, rays) = (Cells::new(field), Rays::new(rays));
+    let (cells, packet, rays) = (Cells::new(field), rays, Rays::new(rays));
     let level = Level { iso: _mm256_set1_ps(iso), sign: _mm256_set1_ps(sign) };
     let one = _mm256_set1_epi32(1);
     let mut progress = Progress::new();
@@ -67,7 +67,15 @@ pub(crate) fn first_hit<T: Pairs>(
         }
         rgba = coloured(&cells, surface, at, met);
     }
-    progress.cast(rgba)
+    let mut casts = progress.cast(rgba);
+    // What is met at once behind a cut may be the cut's face.
+    let (first, met) = (wholes(hit), wholes(met));
+    for (lane, ray) in packet.iter().enumerate() {
+        if let Some(ray) = ray.as_ref().filter(|ray| ray.cut.is_some() && met[lane] < 0 && first[lane] == 0) {
+            casts[lane] = cast::first_hit(field, iso, sign, surface, ray);
+        }
+    }
+    casts
 }
 
 /// The surface's colour under the lamp, in the lanes that met it; zero in the others.

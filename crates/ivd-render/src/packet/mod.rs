@@ -18,6 +18,7 @@ mod first_hit;
 mod moved;
 mod pairs;
 mod project;
+mod projections;
 mod shade;
 pub(crate) mod vectors;
 
@@ -25,16 +26,17 @@ pub(crate) mod vectors;
 use std::arch::x86_64::*;
 
 use crate::axis::ValueAxis;
+use crate::camera::Ray;
 use crate::cast::{Cast, Field};
 use crate::classify::of_part;
-use crate::dvr::{AtMiddle, Optics};
+use crate::dvr::{AtMiddle, Optics, behind_cut};
 use crate::frame::{LANES, Packet};
 
 pub(crate) use cells::{Cells, Progress, Rays, Site};
 pub(crate) use first_hit::first_hit;
 pub(crate) use moved::{Moved, Source};
 pub(crate) use pairs::Pairs;
-pub(crate) use project::mip;
+pub(crate) use project::{ProjectLanes, project};
 use vectors::{any, clamped, each, floats, gathered, indices, over, set, spread, transposed, whole, wholes};
 
 /// Steps beyond which a packet doesn't serve a ray: up to here their numbers are exact in `f32`.
@@ -47,7 +49,9 @@ pub(crate) fn serves(dims: [usize; 3]) -> bool {
 
 /// Whether a packet serves these rays.
 pub(crate) fn serves_rays(rays: &Packet) -> bool {
-    rays.iter().flatten().all(|ray| ray.steps < MOST_STEPS)
+    // A ray that ends within a voxel of a cut is lit to its end as the cut lies.
+    let ends_behind_cut = |ray: &Ray| ray.cut.is_some_and(|cut| ray.steps < cut.steps);
+    rays.iter().flatten().all(|ray| ray.steps < MOST_STEPS && !ends_behind_cut(ray))
 }
 
 /// Samples that lanes take between looking for clear bricks.
@@ -118,12 +122,20 @@ pub(crate) fn dvr<T: Pairs, L: Looks<T>>(
     rays: &Packet,
 ) -> [Cast; LANES] {
     let lanes = Lanes::new(field, looks);
-    let rays = Rays::new(rays);
     let end = _mm256_set1_ps(termination);
     let mut rgba = [_mm256_setzero_ps(); 4];
     let mut ended = _mm256_setzero_si256();
     // Lanes whose ray has ended go on with the others and count for nothing, so that the next place doesn't wait for this one's colour.
     let mut progress = Progress::new();
+    if rays.iter().flatten().any(|ray| ray.cut.is_some()) {
+        let behind = |ray: &Ray| behind_cut(field, looks, termination, ray);
+        let begun: [_; LANES] = std::array::from_fn(|lane| rays[lane].as_ref().map(behind));
+        rgba = each(|c| spread(|lane| begun[lane].as_ref().map_or(0.0, |begun| begun.rgba[c])));
+        progress.i = whole(|lane| begun[lane].as_ref().map_or(0, |begun| begun.steps as i32));
+        progress.take_many(progress.i);
+        ended = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_GE_OQ>(rgba[3], end));
+    }
+    let rays = Rays::new(rays);
     loop {
         let open = _mm256_andnot_si256(ended, progress.open(&rays));
         if !any(open) {

@@ -37,6 +37,10 @@ impl<T: Stored, const SHADED: bool> Optics<T> for AtEnds<'_, SHADED> {
         let moves = field.moves(field.space.brick(ray.rest_at));
         of_part(field.stretch::<SHADED>(self.0, ends, ray.rest_at, moves), ray.rest)
     }
+
+    fn unlit(&self) -> Option<impl Optics<T, End = Option<u32>>> {
+        SHADED.then_some(AtEnds::<false>(self.0))
+    }
 }
 
 impl<T: Stored> Field<'_, T> {

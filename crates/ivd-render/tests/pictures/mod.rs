@@ -3,11 +3,13 @@
 
 mod analytic;
 mod classes;
+mod clipped;
 mod common;
 mod comparator;
 mod deformed;
 mod identical;
 mod picks;
 mod preintegrated;
+mod projections;
 mod surface;
 mod views;

@@ -1,16 +1,16 @@
 //! The stage as scenes and commands see it.
 
+mod modes;
+
 use std::time::Instant;
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Remark, Stage, Want, method};
-use ivd_core::{
-    Displacement, Exec, Image, Kernel as _, Labels, Lattice, ParamError, TransferFunction, Volume, slots,
-};
+use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, method};
+use ivd_core::{Displacement, Exec, Image, Labels, Lattice, TransferFunction, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::plan::Casting;
-use crate::{ClassLooks, Classification, Fit, Mode, Pick, Prepared, RenderParams, Scene, difference};
+use crate::{Pick, difference};
+pub use modes::{AttenuatedMipParams, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams};
 
 /// The stage: its modes, and the pictures that a scene has of it.
 pub const STAGE: Stage = Stage {
@@ -69,41 +69,12 @@ const METHODS: &[Method] = &[
     // Without a transfer function there is nothing to compose; the maximum shows every volume.
     method::<MipParams>("mip").without("transfer"),
     method::<IsoParams>("iso"),
+    method::<MinipParams>("minip"),
+    method::<MeanParams>("mean"),
+    method::<LmipParams>("lmip"),
+    method::<AttenuatedMipParams>("attenuated-mip"),
 ];
 static DIFFERENCE: Method = method::<DifferenceParams>("difference");
-
-/// Direct volume rendering: emission and absorption by the transfer function.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct DvrParams {
-    /// The picture.
-    #[serde(flatten)]
-    pub picture: RenderParams,
-    /// How single classes are drawn.
-    #[serde(flatten)]
-    pub classes: ClassLooks,
-}
-
-/// Maximum intensity projection: the greatest value along a ray, as grey over the volume's range.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct MipParams {
-    /// The picture.
-    #[serde(flatten)]
-    pub picture: RenderParams,
-}
-
-/// First-hit isosurface: the first place where the value reaches the isovalue, as a lit opaque surface.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct IsoParams {
-    /// Isovalue of the surface.
-    #[schemars(extend("x-unit" = "that of the values", "x-from" = "lattice.iso"))]
-    pub iso: Option<f64>,
-    /// The picture.
-    #[serde(flatten)]
-    pub picture: RenderParams,
-}
 
 /// Where two pictures differ, amplified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -241,135 +212,9 @@ pub struct DifferenceFigures {
     pub fps: Option<f64>,
 }
 
-/// What decides what a picture holds is of no use where that is the volume.
-fn wants(slot: &str, picture: &RenderParams) -> Want {
-    if slot == FRAMING && picture.fit == Fit::Volume { Want::No } else { Want::Yes }
-}
-
 /// Pictures in a second where one takes as long as since `start`.
 fn rate(start: Instant) -> f64 {
     1.0 / start.elapsed().as_secs_f64().max(1e-9)
-}
-
-/// Draws a scene in a mode.
-fn drawn(
-    scene: &Scene<'_>,
-    mode: Mode,
-    picture: &RenderParams,
-    exec: &Exec,
-) -> Result<(Image, RenderFigures), Failure> {
-    let start = Instant::now();
-    let params = RenderParams { mode, ..picture.clone() };
-    let prepared = Prepared::new(scene, &params, exec)?;
-    let found = prepared.render(params.view, exec)?;
-    let picks = params.picks.iter().map(|&pixel| Ok(Picked::of(pixel, prepared.pick(params.view, pixel)?)));
-    let figures = RenderFigures {
-        picks: picks.collect::<Result<_, crate::Error>>()?,
-        frames: found.frames,
-        samples_per_pixel: found.samples_per_pixel,
-        skipped_fraction: found.skipped_fraction,
-        fps: Some(rate(start)),
-    };
-    Ok((found.image, figures))
-}
-
-impl<'a> From<Plain<'a>> for Scene<'a> {
-    fn from(Plain { volume, displacement, framing, whole, lattice }: Plain<'a>) -> Self {
-        Scene { displacement, framing, whole, lattice, ..Scene::new(volume) }
-    }
-}
-
-/// What pictures cast their rays by.
-const CLOSE: &[&str] = &[Casting::NAME];
-
-/// Raised for all modes together: what they share is most of them.
-const REVISION: u32 = 4;
-
-impl Op for DvrParams {
-    const REVISION: u32 = REVISION;
-    type Inputs<'a> = Coloured<'a>;
-    type Output = Image;
-    type Figures = RenderFigures;
-    const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
-
-    fn check_together(&self) -> Result<(), ParamError> {
-        self.picture.check_together()?;
-        self.classes.check_together()
-    }
-
-    fn wants(&self, slot: &str) -> Want {
-        wants(slot, &self.picture)
-    }
-
-    fn close(&self) -> &'static [&'static str] {
-        // Of pre-integrated steps no device knows the form.
-        if self.picture.classification == Classification::PreIntegrated { &[] } else { CLOSE }
-    }
-
-    fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-        let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
-        let with_looks = |transfer| self.classes.of(transfer).map(Some);
-        let changed = transfer.filter(|_| !self.classes.is_empty()).map_or(Ok(None), with_looks)?;
-        let transfer = changed.as_ref().or(transfer);
-        let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
-        drawn(&scene, Mode::Dvr, &self.picture, exec)
-    }
-}
-
-impl Op for MipParams {
-    const REVISION: u32 = REVISION;
-    type Inputs<'a> = Plain<'a>;
-    type Output = Image;
-    type Figures = RenderFigures;
-    const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
-
-    fn check_together(&self) -> Result<(), ParamError> {
-        self.picture.check_together()
-    }
-
-    fn wants(&self, slot: &str) -> Want {
-        wants(slot, &self.picture)
-    }
-
-    fn close(&self) -> &'static [&'static str] {
-        CLOSE
-    }
-
-    fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-        drawn(&inputs.into(), Mode::Mip, &self.picture, exec)
-    }
-}
-
-impl IsoParams {
-    fn value(&self) -> Result<f64, ParamError> {
-        self.iso.ok_or_else(|| ParamError::new("iso", "mode iso needs it", "give an isovalue, a real value"))
-    }
-}
-
-impl Op for IsoParams {
-    const REVISION: u32 = REVISION;
-    type Inputs<'a> = Plain<'a>;
-    type Output = Image;
-    type Figures = RenderFigures;
-    const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
-
-    fn check_together(&self) -> Result<(), ParamError> {
-        self.value()?;
-        self.picture.check_together()
-    }
-
-    fn wants(&self, slot: &str) -> Want {
-        wants(slot, &self.picture)
-    }
-
-    fn close(&self) -> &'static [&'static str] {
-        CLOSE
-    }
-
-    fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-        let value = self.value().map_err(crate::Error::from)?;
-        drawn(&inputs.into(), Mode::Iso { value }, &self.picture, exec)
-    }
 }
 
 impl Op for DifferenceParams {

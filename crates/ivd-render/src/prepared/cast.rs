@@ -1,0 +1,181 @@
+//! The processor's rays.
+
+use ivd_core::{Exec, Labels, srgb};
+
+use crate::camera::{Camera, Ray, diagonal, step_mm};
+use crate::cast::{Cast, Field};
+use crate::dvr::AtMiddle;
+use crate::frame::{Radiance, tiles};
+use crate::light::Light;
+use crate::pick::{self, Pick};
+use crate::preintegrated::AtEnds;
+use crate::project::{Attenuated, Bounds, FirstPeak, Greatest, Mean};
+use crate::samples::{KernelVoxels, Samples, Shape, Stored};
+use crate::warp::Warp;
+use crate::wide::{Pairs, ProjectLanes, Wide, dvr, first_hit, project};
+use crate::{Error, Mode, RenderParams, View};
+
+use super::{ModeState, Prepared};
+
+/// Binds the typed voxels and runs the same code for each type.
+macro_rules! with_fast {
+    ($fast:expr, $slice:ident => $body:expr) => {
+        match $fast {
+            KernelVoxels::U8($slice) => $body,
+            KernelVoxels::U16($slice) => $body,
+            KernelVoxels::I16($slice) => $body,
+            KernelVoxels::F32($slice) => $body,
+        }
+    };
+}
+
+impl Prepared<'_> {
+    /// The processor's rays.
+    pub(crate) fn cast_all(&self, params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+        with_fast!(&self.voxels, slice => self.cast(slice, params, exec))
+    }
+
+    fn field<'f, T: Stored>(&'f self, voxels: &'f [T], camera: &Camera) -> Field<'f, T> {
+        let grid = self.scene.volume.grid();
+        Field {
+            samples: Samples::new(voxels, Shape::new(grid.dims())),
+            ids: self.scene.labels.map_or(&[], Labels::ids),
+            warp: self.warp.as_ref(),
+            space: &self.space,
+            light: Light::new(camera, grid.inverse_linear_part(), self.scene.volume.slope()),
+        }
+    }
+
+    /// Whether rays are cast in packets. What is hidden by where it was before is looked at ray by ray.
+    fn wide(&self, exec: &Exec) -> Wide {
+        let is_cut = self.warp.as_ref().is_some_and(Warp::is_cut);
+        Wide::detected(self.scene.volume.grid().dims(), exec.simd && !is_cut)
+    }
+
+    fn cast<T: Pairs>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Radiance, Error> {
+        let camera = self.camera(params);
+        let field = self.field(voxels, &camera);
+        let sign = self.sign() as f32;
+        Ok(match &self.optics {
+            ModeState::Dvr(classifier) => {
+                // A termination above 1 is never reached.
+                let end = params.termination as f32;
+                let wide = self.wide(exec);
+                match (field.ids.is_empty(), params.shading) {
+                    (true, false) => tiles(&camera, exec, |rays| {
+                        dvr(wide, &field, &AtMiddle::<false, false>(classifier), end, rays)
+                    }),
+                    (true, true) => tiles(&camera, exec, |rays| {
+                        dvr(wide, &field, &AtMiddle::<false, true>(classifier), end, rays)
+                    }),
+                    (false, false) => tiles(&camera, exec, |rays| {
+                        dvr(wide, &field, &AtMiddle::<true, false>(classifier), end, rays)
+                    }),
+                    (false, true) => tiles(&camera, exec, |rays| {
+                        dvr(wide, &field, &AtMiddle::<true, true>(classifier), end, rays)
+                    }),
+                }
+            }
+            ModeState::PreIntegrated(table) => {
+                let end = params.termination as f32;
+                let wide = self.wide(exec);
+                if params.shading {
+                    tiles(&camera, exec, |rays| dvr(wide, &field, &AtEnds::<true>(table), end, rays))
+                } else {
+                    tiles(&camera, exec, |rays| dvr(wide, &field, &AtEnds::<false>(table), end, rays))
+                }
+            }
+            ModeState::Projection(bounds) => match params.mode {
+                Mode::Mean => self.projected(&field, &Mean, bounds, &camera, exec),
+                Mode::Lmip { threshold } => {
+                    self.projected(&field, &self.first_peak(threshold), bounds, &camera, exec)
+                }
+                Mode::AttenuatedMip { attenuation } => {
+                    self.projected(&field, &self.attenuated(attenuation), bounds, &camera, exec)
+                }
+                _ => self.projected(&field, &Greatest, bounds, &camera, exec),
+            },
+            ModeState::Iso(iso) => {
+                let colour = params.surface.map(|c| c as f32);
+                let wide = self.wide(exec);
+                tiles(&camera, exec, |rays| first_hit(wide, &field, *iso, sign, colour, rays))
+            }
+        }?)
+    }
+
+    /// Projects the rays of a picture, and makes of what they come to a grey.
+    fn projected<T: Pairs, P: ProjectLanes>(
+        &self,
+        field: &Field<'_, T>,
+        projection: &P,
+        bounds: &Bounds,
+        camera: &Camera,
+        exec: &Exec,
+    ) -> Result<Radiance, ivd_core::Error> {
+        let (grey, is_grey) = (self.grey(), matches!(self.params.mode, Mode::AttenuatedMip { .. }));
+        let shown = |(shown, cast): (f32, Cast)| {
+            if shown == f32::NEG_INFINITY {
+                return cast;
+            }
+            let grey = if is_grey { srgb::linear(shown) } else { grey.of(shown) };
+            Cast { rgba: [grey, grey, grey, 1.0], ..cast }
+        };
+        let wide = self.wide(exec);
+        let (sign, skip) = (self.sign() as f32, self.params.skip);
+        tiles(camera, exec, |rays| project(wide, field, projection, bounds, sign, skip, rays).map(shown))
+    }
+
+    /// The first peak above a threshold (real), or above the middle of the window.
+    fn first_peak(&self, threshold: Option<f64>) -> FirstPeak {
+        let [low, high] = self.window();
+        FirstPeak { threshold: self.signed(threshold.unwrap_or(0.5 * (low + high))) as f32 }
+    }
+
+    /// What white that lies before a sample, all through the volume's diagonal, dims by `exp(−attenuation)`.
+    fn attenuated(&self, attenuation: f64) -> Attenuated {
+        let [low, high] = self.window().map(|end| self.signed(end));
+        let width = high - low;
+        let grid = self.scene.volume.grid();
+        let of_step = attenuation * step_mm(grid, &self.params) / diagonal(grid);
+        // Where all values are the same they are white.
+        let [scale, bias] = if width > 0.0 { [1.0 / width, 0.0] } else { [0.0, 1.0] };
+        Attenuated { low: low as f32, scale: scale as f32, bias: bias as f32, of_step: of_step as f32 }
+    }
+
+    /// What a view shows at a pixel (column and row, from the top left): of direct volume rendering where opacity passes a half, of a projection where the sample lies
+    /// that it shows, of a surface where the ray meets it. `None` where there is nothing to see, or that lies outside the volume before it is deformed.
+    ///
+    /// # Errors
+    /// As [`crate::render`]; a pixel beyond the picture; mode mean, which shows no place.
+    pub fn pick(&self, view: View, [x, y]: [usize; 2]) -> Result<Option<Pick>, Error> {
+        let params = RenderParams { view, picks: vec![[x, y]], ..self.params.clone() };
+        params.check()?;
+        let camera = self.camera(&params);
+        let Some(ray) = camera.ray(x, y) else { return Ok(None) };
+        Ok(with_fast!(&self.voxels, slice => self.pick_by(slice, &camera, &ray)))
+    }
+
+    fn pick_by<T: Pairs>(&self, voxels: &[T], camera: &Camera, ray: &Ray) -> Option<Pick> {
+        let field = self.field(voxels, camera);
+        let sign = self.sign() as f32;
+        let seen = match &self.optics {
+            ModeState::Dvr(classifier) if field.ids.is_empty() => {
+                pick::half_way(&field, &AtMiddle::<false, false>(classifier), ray)
+            }
+            ModeState::Dvr(classifier) => pick::half_way(&field, &AtMiddle::<true, false>(classifier), ray),
+            ModeState::PreIntegrated(table) => pick::half_way(&field, &AtEnds::<false>(table), ray),
+            ModeState::Projection(_) => match self.params.mode {
+                // What is refused is shown nowhere.
+                Mode::Mean => None,
+                Mode::Lmip { threshold } => pick::projected(&field, &self.first_peak(threshold), sign, ray),
+                Mode::AttenuatedMip { attenuation } => {
+                    pick::projected(&field, &self.attenuated(attenuation), sign, ray)
+                }
+                _ => pick::projected(&field, &Greatest, sign, ray),
+            },
+            ModeState::Iso(iso) => pick::on_surface(&field, *iso, sign, ray),
+        }?;
+        let real = |fast: f32| self.scene.volume.real(f64::from(fast) + self.shift);
+        pick::picked(&field, self.scene.volume.grid(), self.labels, real, seen)
+    }
+}

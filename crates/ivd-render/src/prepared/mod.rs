@@ -1,0 +1,257 @@
+//! What several views of one scene share.
+
+mod cast;
+mod ready;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use ivd_core::{Exec, Kernel as _, Labels, NO_DATA, Scalar as _, Volume, with_voxels};
+
+use crate::camera::Camera;
+use crate::classify::{Classifier, Steep};
+use crate::cut::HalfSpace;
+use crate::empty_space::Space;
+use crate::fit::Held;
+use crate::frame::Radiance;
+use crate::light::Light;
+use crate::plan::{Casting, Grey, Plan, PlanLook, PlanWarp, Sight};
+use crate::preintegrated::Preintegrated;
+use crate::project::Bounds;
+use crate::samples::{KernelVoxels, Shape, fast};
+use crate::warp::Warp;
+use crate::{
+    Classification, ClipSpace, Error, Fit, Mode, RenderParams, Rendered, Scene, View, annotate, outline,
+    picture,
+};
+
+/// A scene made ready for many views: its classified values, what of it is empty, and its deformation. Views of it are the same, byte for byte, as those
+/// of [`crate::render`].
+pub struct Prepared<'a> {
+    scene: Scene<'a>,
+    /// The scene's labels, whether or not they change a picture.
+    labels: Option<&'a Labels>,
+    params: RenderParams,
+    voxels: KernelVoxels<'a>,
+    /// `stored = fast + shift`.
+    shift: f64,
+    warp: Option<Warp<'a>>,
+    optics: ModeState,
+    space: Space,
+    held: Held,
+    /// Differs for every prepared scene.
+    number: u64,
+}
+
+static NUMBERS: AtomicU64 = AtomicU64::new(0);
+
+/// What a mode needs to know of the values.
+enum ModeState {
+    Dvr(Classifier),
+    PreIntegrated(Preintegrated),
+    /// Values that no `sign · fast` exceeds.
+    Projection(Bounds),
+    /// `sign · fast` of the surface.
+    Iso(f32),
+}
+
+impl<'a> Prepared<'a> {
+    /// Prepares a scene; the view in `params` is not used yet.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn new(scene: &Scene<'a>, params: &RenderParams, exec: &Exec) -> Result<Self, Error> {
+        params.check()?;
+        scene.check()?;
+        exec.run(|| {
+            let grid = scene.volume.grid();
+            let (voxels, shift) = fast(scene.volume, exec)?;
+            let moving = scene.displacement.filter(|d| !is_still(d));
+            // Labels that change nothing cost nothing.
+            let has_rows = scene.transfer.is_some_and(|t| t.gradient().is_none() && t.depends_on_label());
+            // Steps between values know no label 0 either: it is shown there.
+            let by_voxel =
+                !(params.mode == Mode::Dvr && params.classification == Classification::PreIntegrated);
+            let clears = |labels: &Labels| by_voxel && has_unlabelled(scene.volume, labels);
+            let labels = scene.labels.filter(|labels| has_rows || clears(labels));
+            let mut prepared = Self {
+                scene: Scene { labels, ..*scene },
+                labels: scene.labels,
+                params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
+                voxels,
+                shift,
+                warp: moving.map(|d| {
+                    let cuts = match params.clip_space {
+                        ClipSpace::Rest => HalfSpace::all(&params.clip, grid),
+                        ClipSpace::Deformed => Vec::new(),
+                    };
+                    Warp::new(d, grid.inverse_linear_part()).with_cuts(&cuts)
+                }),
+                optics: ModeState::Projection(Bounds::default()),
+                space: Space::full(Shape::new(grid.dims())),
+                held: Held::Volume,
+                number: NUMBERS.fetch_add(1, Ordering::Relaxed),
+            };
+            match params.mode {
+                Mode::Dvr => prepared.classify(exec)?,
+                Mode::Iso { value } => prepared.split(value),
+                Mode::Mip | Mode::Minip | Mode::Mean | Mode::Lmip { .. } | Mode::AttenuatedMip { .. } => {
+                    prepared.project();
+                }
+            }
+            if let Some(held) = scene.held().filter(|_| params.fit == Fit::Visible) {
+                prepared.held = Self::new(&held, params, exec)?.held;
+            }
+            Ok(prepared)
+        })
+    }
+
+    /// −1 where what is sought, greatest values or in mode minip least ones, falls as the stored value rises, else 1.
+    fn sign(&self) -> f64 {
+        let turned = if self.params.mode == Mode::Minip { -1.0 } else { 1.0 };
+        turned * self.scene.volume.slope().signum()
+    }
+
+    /// `sign · fast` of a real value.
+    fn signed(&self, value: f64) -> f64 {
+        self.sign() * (self.scene.volume.stored(value) - self.shift)
+    }
+
+    /// Real values that a projection shows black and white.
+    fn window(&self) -> [f64; 2] {
+        self.scene.windowed().range().unwrap_or([0.0; 2])
+    }
+
+    /// Linear light of a view.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn radiance(&self, view: View, exec: &Exec) -> Result<Radiance, Error> {
+        let params = RenderParams { view, ..self.params.clone() };
+        params.check()?;
+        exec.run(|| exec.launch::<Casting>(&Sight { prepared: self, params: &params }))
+    }
+
+    /// Hands the plan of a view to somebody: for backends that are asked themselves rather than through an [`Exec`].
+    ///
+    /// # Errors
+    /// As [`crate::render`]; [`ivd_core::Error::Device`] where there is no plan of such a picture.
+    pub fn with_plan<R>(&self, view: View, take: impl FnOnce(&Plan<'_>) -> R) -> Result<R, Error> {
+        let params = RenderParams { view, ..self.params.clone() };
+        params.check()?;
+        let no_plan = |why: &str| ivd_core::Error::Device { kernel: Casting::NAME, problem: why.to_owned() };
+        Ok(take(&self.plan(&params).map_err(no_plan)?))
+    }
+
+    /// What a device needs to know to cast the rays.
+    pub(crate) fn plan(&self, params: &RenderParams) -> Result<Plan<'_>, &'static str> {
+        let look = match &self.optics {
+            ModeState::Dvr(classifier) => PlanLook::Classified {
+                table: classifier.table(),
+                axis: classifier.axis().numbers(),
+                row_starts: classifier.row_starts(),
+                steep: classifier.steep().map(Steep::numbers),
+                shaded: params.shading,
+                termination: params.termination as f32,
+            },
+            ModeState::PreIntegrated(_) => return Err("pre-integrated steps have no form for devices"),
+            ModeState::Projection(bounds) => match params.mode {
+                Mode::Mip | Mode::Minip => PlanLook::Maximum {
+                    bounds: &bounds.of_bricks,
+                    sign: self.sign() as f32,
+                    skip: params.skip,
+                    grey: self.grey(),
+                },
+                _ => return Err("projections other than mip and minip have no form for devices"),
+            },
+            ModeState::Iso(iso) => PlanLook::Surface {
+                iso: *iso,
+                sign: self.sign() as f32,
+                colour: params.surface.map(|c| c as f32),
+            },
+        };
+        let grid = self.scene.volume.grid();
+        if !params.clip.is_empty() {
+            return Err("clipped rays have no form for devices");
+        }
+        let camera = self.camera(params);
+        let light = Light::new(&camera, grid.inverse_linear_part(), self.scene.volume.slope());
+        let moved = self.warp.as_ref().zip(self.scene.displacement);
+        let moved = moved.map(|(warp, displacement)| PlanWarp {
+            displacement,
+            moves: warp.all_moves(),
+            rows: *warp.rows(),
+        });
+        let shape = Shape::new(grid.dims());
+        Ok(Plan {
+            camera,
+            scene: self.number,
+            next: shape.next(),
+            ends: shape.ends(),
+            volume: self.scene.volume,
+            voxels: (&self.voxels).into(),
+            labels: self.scene.labels.filter(|_| matches!(look, PlanLook::Classified { .. })),
+            bricks: self.space.bricks(),
+            leaps: self.space.leaps(),
+            moved,
+            lamp: light.numbers(),
+            look,
+        })
+    }
+
+    /// The camera of a view: its rays are clipped unless samples are by where they were before.
+    fn camera(&self, params: &RenderParams) -> Camera {
+        let grid = self.scene.volume.grid();
+        if self.warp.as_ref().is_some_and(Warp::is_cut) {
+            return Camera::new(grid, &RenderParams { clip: Vec::new(), ..params.clone() }, &self.held);
+        }
+        Camera::new(grid, params, &self.held)
+    }
+
+    /// What makes a projected value grey.
+    fn grey(&self) -> Grey<'a> {
+        Grey { volume: self.scene.volume, sign: self.sign(), shift: self.shift, window: self.window() }
+    }
+
+    /// The picture of a view.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn render(&self, view: View, exec: &Exec) -> Result<Rendered, Error> {
+        let light = self.radiance(view, exec)?;
+        let params = &self.params;
+        let params_of_view = RenderParams { view, ..params.clone() };
+        let camera = self.camera(&params_of_view);
+        let mut image = picture::compose(&light, params.background.map(|c| c as f32));
+        if let Some(lattice) = self.scene.lattice {
+            image = outline::outline(&image, lattice, &camera);
+        }
+        if params.annotate {
+            image = annotate::annotate(&image, &camera, self.scene.volume.grid().in_patient());
+        }
+        let on_the_way = (light.samples + light.skipped).max(1) as f64;
+        Ok(Rendered {
+            image,
+            frames: 1,
+            samples: light.samples,
+            samples_per_pixel: light.samples as f64 / (params.size[0] * params.size[1]) as f64,
+            skipped_fraction: light.skipped as f64 / on_the_way,
+        })
+    }
+}
+
+/// Whether a voxel with data has no label: none of the parts that were chosen.
+fn has_unlabelled(volume: &Volume, labels: &Labels) -> bool {
+    let index = volume.bricks();
+    if (0..index.len()).all(|b| !index.range(b).missing) {
+        return labels.ids().contains(&NO_DATA);
+    }
+    with_voxels!(volume.voxels(), slice => {
+        let mut pairs = labels.ids().iter().zip(slice);
+        pairs.any(|(&id, value)| id == NO_DATA && value.to_f64().is_finite())
+    })
+}
+
+/// Whether a displacement changes no pixel.
+fn is_still(displacement: &ivd_core::Displacement) -> bool {
+    displacement.inverse().stored() == 0 && displacement.vacated().iter().all(|&v| v == 0)
+}
