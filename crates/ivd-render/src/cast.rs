@@ -59,6 +59,14 @@ impl<T: Stored> Field<'_, T> {
         (T::TYPE.is_integer() || value.is_finite()).then_some(value)
     }
 
+    /// Whether a sample reaches a surface; `None` where there is no data.
+    #[inline(always)]
+    fn reaches(&self, iso: f32, sign: f32, at: [f32; 3]) -> Option<bool> {
+        let moves = self.moves(self.space.brick(at));
+        let place = self.before(at, moves).map(|before| self.samples.shape.place(before));
+        place.and_then(|place| self.value(&place)).map(|value| sign * value >= iso)
+    }
+
     /// World normal at a place of the deformed volume; `before` is where it was.
     #[inline(always)]
     fn normal(&self, at: [f32; 3], before: [f32; 3], moves: bool) -> Option<[f32; 3]> {
@@ -158,42 +166,53 @@ pub(crate) fn first_place<T: Stored>(
     ray: &Ray,
 ) -> (Option<Hit>, usize, usize) {
     let mut taken = 0;
-    let mut inside = |at: [f32; 3]| {
-        taken += 1;
-        let moves = field.moves(field.space.brick(at));
-        let place = field.before(at, moves).map(|before| field.samples.shape.place(before));
-        place.and_then(|place| field.value(&place)).map(|value| sign * value >= iso)
-    };
     let mut hit = None;
     let skipped = field.space.walk(ray, |_, range| {
         for i in range {
-            if inside(ray.at(i)) == Some(true) {
+            taken += 1;
+            if field.reaches(iso, sign, ray.at(i)) == Some(true) {
                 hit = Some((i, ray.at(i)));
                 return ControlFlow::Break(());
             }
         }
         ControlFlow::Continue(())
     });
-    if hit.is_none() && ray.rest > 0.0 && inside(ray.rest_at) == Some(true) {
-        hit = Some((ray.steps, ray.rest_at));
+    if hit.is_none() && ray.rest > 0.0 {
+        taken += 1;
+        if field.reaches(iso, sign, ray.rest_at) == Some(true) {
+            hit = Some((ray.steps, ray.rest_at));
+        }
     }
-    let Some((index, mut at)) = hit else { return (None, taken, skipped) };
-    // Between the sample before, or the cut that the ray begins at, and this one, unless there is none or it is no data. What was hidden before the
-    // deformation is data.
+    let Some((index, at)) = hit else { return (None, taken, skipped) };
+    let (hit, more) = refined(field, iso, sign, ray, index, at);
+    (Some(hit), taken + more, skipped)
+}
+
+/// Where a surface lies whose first sample inside is `at`: between the sample before, or the cut that the ray begins at, and this one, unless there is none or it
+/// is no data. What was hidden before the deformation is data. With it the samples taken.
+#[inline(never)]
+fn refined<T: Stored>(
+    field: &Field<'_, T>,
+    iso: f32,
+    sign: f32,
+    ray: &Ray,
+    index: usize,
+    mut at: [f32; 3],
+) -> (Hit, usize) {
     let before = if index > 0 { Some(ray.at(index - 1)) } else { ray.cut.map(|_| ray.first()) };
-    if let Some(mut outside) = before {
-        let there = inside(outside);
-        if let (0, Some(true), Some(cut)) = (index, there, ray.cut) {
-            return (Some(Hit { at: outside, cut: Some(cut.normal) }), taken, skipped);
-        }
-        if there == Some(false) || field.hides(outside) {
-            for _ in 0..HALVINGS {
-                let middle = std::array::from_fn(|a| 0.5 * (outside[a] + at[a]));
-                if inside(middle) == Some(true) { at = middle } else { outside = middle }
-            }
-        }
+    let Some(mut outside) = before else { return (Hit { at, cut: None }, 0) };
+    let there = field.reaches(iso, sign, outside);
+    if let (0, Some(true), Some(cut)) = (index, there, ray.cut) {
+        return (Hit { at: outside, cut: Some(cut.normal) }, 1);
     }
-    (Some(Hit { at, cut: None }), taken, skipped)
+    if there != Some(false) && !field.hides(outside) {
+        return (Hit { at, cut: None }, 1);
+    }
+    for _ in 0..HALVINGS {
+        let middle = std::array::from_fn(|a| 0.5 * (outside[a] + at[a]));
+        if field.reaches(iso, sign, middle) == Some(true) { at = middle } else { outside = middle }
+    }
+    (Hit { at, cut: None }, 1 + HALVINGS)
 }
 
 /// The same, lit.
