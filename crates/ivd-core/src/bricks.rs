@@ -47,6 +47,32 @@ impl BrickIndex {
         }
     }
 
+    /// Finds the ranges anew of bricks in which voxels changed, given as blocks of [`BRICK`]³ *voxels* (linear, as bricks are): a block's
+    /// voxels lie in its own brick, and those on its low sides in the bricks below as well. Others are left as they are.
+    ///
+    /// # Panics
+    /// A block that the grid doesn't have, or other voxels than the index was made for.
+    pub fn update(&mut self, grid: &Grid, voxels: &Voxels, blocks: &[usize]) {
+        let dims = self.dims;
+        let mut touched = Vec::with_capacity(2 * blocks.len());
+        for &block in blocks {
+            let at = [block % dims[0], block / dims[0] % dims[1], block / (dims[0] * dims[1])];
+            touched.extend((0..8_usize).filter_map(|side| {
+                let below: Option<Vec<usize>> = (0..3).map(|a| at[a].checked_sub(side >> a & 1)).collect();
+                below.map(|b| b[0] + dims[0] * (b[1] + dims[1] * b[2]))
+            }));
+        }
+        touched.sort_unstable();
+        touched.dedup();
+        let ranges = with_voxels!(voxels, slice => {
+            parallel::map(touched.len(), &|i| one(grid.dims(), dims, slice, touched[i]))
+        });
+        let (min, max, missing) = (self.min.make_mut(), self.max.make_mut(), self.missing.make_mut());
+        for (brick, range) in touched.into_iter().zip(ranges) {
+            (min[brick], max[brick], missing[brick]) = (range.min, range.max, u8::from(range.missing));
+        }
+    }
+
     /// An index from its stored parts, each of length `dims[0] * dims[1] * dims[2]`; `None` where they differ.
     pub fn from_parts(
         dims: [usize; 3],
@@ -126,6 +152,19 @@ fn layer<T: Scalar>(n: [usize; 3], b: [usize; 3], voxels: &[T], bz: usize) -> Ve
         .iter()
         .flat_map(|row| (0..b[0]).map(|bx| row.range(bx * BRICK..(bx * BRICK + BRICK + 1).min(n[0]))));
     ranges.collect()
+}
+
+/// Range of one brick.
+fn one<T: Scalar>(n: [usize; 3], b: [usize; 3], voxels: &[T], brick: usize) -> BrickRange {
+    let at = [brick % b[0], brick / b[0] % b[1], brick / (b[0] * b[1])];
+    let [x, y, z] = [0, 1, 2].map(|a| at[a] * BRICK..(at[a] * BRICK + BRICK + 1).min(n[a]));
+    let mut merged = Merged::<T>::new(x.len());
+    for z in z {
+        for y in y.clone() {
+            merged.add(&voxels[n[0] * (y + n[1] * z)..][x.clone()]);
+        }
+    }
+    merged.range(0..x.len())
 }
 
 /// Extremes of several rows of voxels, element by element.
@@ -245,6 +284,27 @@ mod tests {
             }
             let expected = BrickRange { min: f32_below(lo), max: f32_above(hi), missing };
             assert_eq!(index.range(b), expected, "{dims:?}, brick {b} of {:?}", T::TYPE);
+        }
+    }
+
+    #[test]
+    fn an_index_that_is_updated_is_the_one_that_is_built() {
+        for dims in [[19, 17, 9], [64, 3, 2], [8, 8, 8], [9, 25, 16]] {
+            let grid = Grid::with_spacing(dims, [1.0; 3]).unwrap();
+            let mut values: Vec<f32> = (0..grid.len()).map(|i| ((i * 7919) % 1013) as f32).collect();
+            let mut index = BrickIndex::build(&grid, &Voxels::from(values.clone()));
+            let mut blocks = Vec::new();
+            for change in 0..7_usize {
+                let at = (change * 104_729) % grid.len();
+                let value = [-5.0, 2000.0, f32::NAN, 0.0][change % 4];
+                values[at] = value;
+                let block = grid.index(at).0.map(|c| c / BRICK);
+                let bricks = BrickIndex::dims_for(dims);
+                blocks.push(block[0] + bricks[0] * (block[1] + bricks[1] * block[2]));
+            }
+            let voxels = Voxels::from(values);
+            index.update(&grid, &voxels, &blocks);
+            assert_eq!(index, BrickIndex::build(&grid, &voxels), "{dims:?}");
         }
     }
 

@@ -112,6 +112,20 @@ impl Volume {
         &mut self.voxels
     }
 
+    /// Changes voxels that lie in blocks of [`BRICK`](crate::BRICK)³ voxels (linear indices, as those of bricks), and no others: copied first where they
+    /// are shared. An index of the bricks' ranges that is known stays so: those of the blocks are found anew.
+    pub fn change_blocks<R>(&mut self, blocks: &[usize], change: impl FnOnce(&mut Voxels) -> R) -> R {
+        self.voxels();
+        // Nobody sees old ranges where the change doesn't come to its end.
+        let known = self.bricks.take();
+        let changed = change(&mut self.voxels);
+        if let Some(mut index) = known {
+            index.update(&self.grid, &self.voxels, blocks);
+            let _ = self.bricks.set(index);
+        }
+        changed
+    }
+
     /// The stored voxels, of which the caller reads those of the layers (voxel indices along z) and no others: the rest of a
     /// mapped file may not have been checked, nor ever be read.
     pub fn layers(&self, layers: impl IntoIterator<Item = Range<usize>>) -> &Voxels {

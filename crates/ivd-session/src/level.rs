@@ -11,6 +11,7 @@ use ivd_motion::handles::{Anchor, Pin};
 use ivd_motion::mass_spring;
 use ivd_motion::ring;
 
+use crate::numbered::plain;
 use crate::{Error, MapChoice, Physics, Settings};
 
 /// A lattice, and what was prepared of it. Nothing that is kept changes a result.
@@ -72,7 +73,7 @@ impl Level {
         if settings.shapes.is_empty() {
             return Ok(handled);
         }
-        let shaped = freeform::lattice(&self.lattice, handled.as_ref(), &settings.shapes, exec)?;
+        let shaped = freeform::lattice(&self.lattice, handled.as_ref(), &plain(&settings.shapes), exec)?;
         Ok(Some(shaped.motion))
     }
 
@@ -82,7 +83,7 @@ impl Level {
         params: &ring::RingParams,
         exec: &Exec,
     ) -> Result<Motion, Error> {
-        let Settings { handles, fixed, .. } = settings;
+        let (handles, fixed) = (&plain(&settings.handles), &plain(&settings.fixed));
         let of: Coupled = (handles.iter().map(|h| (h.at, h.radius)).collect(), params.followers_by());
         let kept = self.coupling.take().filter(|(other, _)| *other == of).map(|(_, coupling)| coupling);
         let coupling = match kept {
@@ -109,25 +110,19 @@ impl Level {
                 remedy: "begin the session with labels",
             });
         }
+        let (handles, fixed) = (plain(&settings.handles), plain(&settings.fixed));
         let held = Held {
             params: params.clone(),
-            handles: settings.handles.iter().map(|h| (h.at, h.radius)).collect(),
-            fixed: settings.fixed.clone(),
+            handles: handles.iter().map(|h| (h.at, h.radius)).collect(),
+            fixed: fixed.clone(),
         };
         let kept = self.springs.take().filter(|(other, _)| *other == held).map(|(_, prepared)| prepared);
         let mut prepared = match kept {
             Some(prepared) => prepared,
-            None => mass_spring::Prepared::new(
-                self.lattice.clone(),
-                labels,
-                &settings.handles,
-                &settings.fixed,
-                params,
-                exec,
-            )?,
+            None => mass_spring::Prepared::new(self.lattice.clone(), labels, &handles, &fixed, params, exec)?,
         };
         prepared.forget();
-        let solved = prepared.update(&settings.handles, exec);
+        let solved = prepared.update(&handles, exec);
         self.springs = Some((held, prepared));
         Ok(solved?.motion)
     }

@@ -26,7 +26,8 @@
 //!
 //! let mut session = Session::new(volume, lattice, None, Settings::default(), &exec)?;
 //! let top = Anchor::NearestTo([15.5, 15.5, 25.5]);
-//! session.apply(Event::Add(Handle { at: top, action: Action::Move([0.0; 3]), radius: 24.0 }), &exec)?;
+//! let handle = Handle { at: top, action: Action::Move([0.0; 3]), radius: 24.0 };
+//! session.apply(Event::Add { id: None, handle }, &exec)?;
 //! let update = session.apply(Event::Move { handle: 0, by: [0.0, 0.0, 3.0] }, &exec)?;
 //! assert!(update.min_det_j > 0.0 && !update.dirty.is_empty());
 //! assert_eq!(session.deformed().value(VoxelIndex([15, 15, 27])), 100.0);
@@ -38,10 +39,14 @@
 #![forbid(unsafe_code)]
 
 mod error;
+mod history;
 mod level;
+mod numbered;
 mod session;
 mod settings;
 
 pub use error::Error;
-pub use session::{Session, Update};
+pub use history::{Entry, Step};
+pub use numbered::{Id, Numbered, numbered};
+pub use session::{Session, Times, Update};
 pub use settings::{Event, MapChoice, Physics, Settings};

@@ -1,12 +1,16 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Instant;
 
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Volume};
 use ivd_field::warp::Deformed;
 use ivd_map::MapUpdate;
+use ivd_motion::handles::Anchor;
 
+use crate::history::{Gesture, History, Recorder};
 use crate::level::{Level, still};
-use crate::{Error, Event, Settings};
+use crate::numbered::{Id, next_id};
+use crate::{Entry, Error, Event, Settings, Step};
 
 /// What an event changed.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -21,6 +25,21 @@ pub struct Update {
     pub misfit: f64,
     /// Rounds of local relaxation that the map needed.
     pub relaxations: u32,
+    /// Largest motion of a voxel (mm).
+    pub largest_mm: f64,
+    /// Where the time went.
+    pub times: Times,
+}
+
+/// What an event took, by its parts (s); 0 for a part that had nothing to do.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Times {
+    /// The lattice's motion, and the level where that was made.
+    pub solve: f64,
+    /// The voxels' displacement.
+    pub map: f64,
+    /// The voxels' values.
+    pub warp: f64,
 }
 
 /// A volume that is deformed by events.
@@ -38,10 +57,12 @@ pub struct Session {
     motion: Option<Motion>,
     moved: MapUpdate,
     deformed: Deformed,
-    /// Events that were followed, with the settings before them.
-    past: Vec<(Event, Settings)>,
-    /// Events that were undone, the last first.
-    undone: Vec<Event>,
+    history: History,
+    /// What goes on, to be one step.
+    gesture: Option<Gesture>,
+    recorder: Recorder,
+    /// Numbers that the next handle, fix and shape get.
+    next: [Id; 3],
 }
 
 impl Session {
@@ -74,57 +95,197 @@ impl Session {
             settings: Settings { warp: settings.warp.clone(), ..Settings::default() },
             motion: None,
             deformed,
-            past: Vec::new(),
-            undone: Vec::new(),
+            history: History::default(),
+            gesture: None,
+            recorder: Recorder::default(),
+            next: [next_id(&settings.handles), next_id(&settings.fixed), next_id(&settings.shapes)],
         };
+        session.make_level(settings.level, exec)?;
+        let mut settings = settings;
+        let lattice = session.levels.get(&settings.level).map_or(&session.finest, |level| &level.lattice);
+        settings.handles.iter_mut().for_each(|handle| anchor(lattice, &mut handle.what.at));
+        settings.fixed.iter_mut().for_each(|fix| anchor(lattice, &mut fix.what.at));
         session.go_to(settings, exec)?;
         Ok(session)
     }
 
-    /// Follows an event.
+    /// Follows an event: one step, unless a gesture goes on. A vertex that is named by its number is kept as the place where it rests, so that another
+    /// level doesn't make it another one.
     ///
     /// # Errors
     /// As [`Settings::after`]; a deformation that isn't possible; the memory limit, cancellation. Nothing has changed then.
-    pub fn apply(&mut self, event: Event, exec: &Exec) -> Result<Update, Error> {
-        let update = self.follow(event, exec)?;
-        self.undone.clear();
-        Ok(update)
-    }
-
-    fn follow(&mut self, event: Event, exec: &Exec) -> Result<Update, Error> {
+    pub fn apply(&mut self, mut event: Event, exec: &Exec) -> Result<Update, Error> {
         let next = self.settings.after(&event)?;
+        let next = if self.complete(&mut event) { self.settings.after(&event)? } else { next };
         let before = self.settings.clone();
         let update = self.go_to(next, exec)?;
-        self.past.push((event, before));
+        match &mut self.gesture {
+            Some(gesture) => gesture.take(event),
+            // What changes nothing is nothing to be undone.
+            None if before == self.settings => {}
+            None => self.note(Step { name: event.name().to_owned(), events: vec![event] }, before),
+        }
         Ok(update)
     }
 
-    /// Undoes the last event; `None` where there is none.
+    /// Gives an event the number and the place that it goes by from now on; whether that changed anything.
+    fn complete(&mut self, event: &mut Event) -> bool {
+        let number = match event {
+            Event::Add { id, .. } => Some((id, 0)),
+            Event::Pin { id, .. } => Some((id, 1)),
+            Event::Shape { id, .. } => Some((id, 2)),
+            _ => None,
+        };
+        let numbers = number.is_some();
+        if let Some((id, list)) = number {
+            let given = *id.get_or_insert(self.next[list]);
+            self.next[list] = self.next[list].max(given.saturating_add(1));
+        }
+        let Some(at) = event.anchor_mut() else { return numbers };
+        let lattice = self.levels.get(&self.settings.level).map_or(&self.finest, |level| &level.lattice);
+        anchor(lattice, at);
+        true
+    }
+
+    fn note(&mut self, step: Step, before: Settings) {
+        let entry = Entry::Step(step);
+        self.recorder.note(&entry);
+        if let Entry::Step(step) = entry {
+            self.history.push(step, before);
+        }
+    }
+
+    /// Begins a gesture: what is applied until its end is one step.
     ///
     /// # Errors
-    /// The memory limit, cancellation. Nothing has changed then.
+    /// Where another goes on.
+    pub fn begin(&mut self, name: impl Into<String>) -> Result<(), Error> {
+        self.no_gesture("begin")?;
+        self.gesture = Some(Gesture::new(name.into(), self.settings.clone()));
+        Ok(())
+    }
+
+    /// Ends a gesture. Whether that is a step: one that changed nothing in the end is none.
+    ///
+    /// # Errors
+    /// Where none goes on.
+    pub fn commit(&mut self) -> Result<bool, Error> {
+        let gesture = self.gesture.take().ok_or_else(|| no_gesture("commit"))?;
+        let changed = gesture.before != self.settings;
+        if changed {
+            let before = gesture.before.clone();
+            self.note(gesture.into_step(), before);
+        }
+        Ok(changed)
+    }
+
+    /// Goes back to where a gesture began.
+    ///
+    /// # Errors
+    /// Where none goes on; the memory limit, cancellation: it goes on then.
+    pub fn abandon(&mut self, exec: &Exec) -> Result<Update, Error> {
+        let before = self.gesture.as_ref().map(|gesture| gesture.before.clone());
+        let update = self.go_to(before.ok_or_else(|| no_gesture("abandon"))?, exec)?;
+        self.gesture = None;
+        Ok(update)
+    }
+
+    /// Whether a gesture goes on.
+    pub fn in_gesture(&self) -> bool {
+        self.gesture.is_some()
+    }
+
+    fn no_gesture(&self, event: &'static str) -> Result<(), Error> {
+        let Some(gesture) = &self.gesture else { return Ok(()) };
+        Err(Error::Event {
+            event,
+            problem: format!("“{}” goes on", gesture.name),
+            remedy: "commit or abandon that first",
+        })
+    }
+
+    /// Undoes the last step; `None` where there is none.
+    ///
+    /// # Errors
+    /// A gesture that goes on; the memory limit, cancellation. Nothing has changed then.
     pub fn undo(&mut self, exec: &Exec) -> Result<Option<Update>, Error> {
-        let Some((event, before)) = self.past.last().cloned() else { return Ok(None) };
+        self.no_gesture("undo")?;
+        let Some(before) = self.history.last().map(|past| past.before.clone()) else { return Ok(None) };
         let update = self.go_to(before, exec)?;
-        self.past.pop();
-        self.undone.push(event);
+        self.history.undo();
+        self.recorder.note(&Entry::Undo);
         Ok(Some(update))
     }
 
-    /// Follows again the event that was undone last; `None` where there is none, or another event came since.
+    /// Does again the step that was undone last; `None` where there is none, or something was done since.
     ///
     /// # Errors
-    /// The memory limit, cancellation. Nothing has changed then.
+    /// A gesture that goes on; the memory limit, cancellation. Nothing has changed then.
     pub fn redo(&mut self, exec: &Exec) -> Result<Option<Update>, Error> {
-        let Some(event) = self.undone.last().cloned() else { return Ok(None) };
-        let update = self.follow(event, exec)?;
-        self.undone.pop();
+        self.no_gesture("redo")?;
+        let Some(step) = self.history.next() else { return Ok(None) };
+        let next =
+            step.events.iter().try_fold(self.settings.clone(), |settings, event| settings.after(event))?;
+        let before = self.settings.clone();
+        let update = self.go_to(next, exec)?;
+        self.history.redo(before);
+        self.recorder.note(&Entry::Redo);
         Ok(Some(update))
     }
 
-    /// The events that were followed and not undone, from the first on: with the first settings they give this state.
+    /// Does what a line of a log says.
+    ///
+    /// # Errors
+    /// As [`Session::apply`] and [`Session::undo`].
+    pub fn replay(&mut self, entry: Entry, exec: &Exec) -> Result<(), Error> {
+        match entry {
+            Entry::Undo => self.undo(exec).map(|_| ()),
+            Entry::Redo => self.redo(exec).map(|_| ()),
+            Entry::Step(mut step) => {
+                self.no_gesture("replay")?;
+                step.events.iter_mut().for_each(|event| _ = self.complete(event));
+                // The last state counts alone: the ways there may not even be possible.
+                let next = step
+                    .events
+                    .iter()
+                    .try_fold(self.settings.clone(), |settings, event| settings.after(event))?;
+                let before = self.settings.clone();
+                self.go_to(next, exec)?;
+                self.note(step, before);
+                Ok(())
+            }
+        }
+    }
+
+    /// Calls `record` with every line of the log from now on: together with the volume, the lattice and the present settings they give the state again.
+    pub fn record(&mut self, record: impl FnMut(&Entry) + Send + Sync + 'static) {
+        self.recorder = Recorder(Some(Box::new(record)));
+    }
+
+    /// The steps that were done and can be undone, the oldest first.
+    pub fn steps(&self) -> impl Iterator<Item = &Step> {
+        self.history.steps()
+    }
+
+    /// The step that [`Session::redo`] would do.
+    pub fn undone(&self) -> Option<&Step> {
+        self.history.next()
+    }
+
+    /// The events of these steps: with the settings before the first they give this state.
     pub fn events(&self) -> impl Iterator<Item = &Event> {
-        self.past.iter().map(|(event, _)| event)
+        self.history.steps().flat_map(|step| &step.events)
+    }
+
+    /// Makes a level ahead, so that going there takes less time.
+    ///
+    /// # Errors
+    /// A lattice that can't be refined so far; the memory limit, cancellation.
+    pub fn make_level(&mut self, level: u8, exec: &Exec) -> Result<(), Error> {
+        if !self.levels.contains_key(&level) {
+            self.levels.insert(level, Level::new(&self.finest, level, exec)?);
+        }
+        Ok(())
     }
 
     /// What the state follows from.
@@ -165,9 +326,8 @@ impl Session {
 
     /// Goes to settings, from wherever.
     fn go_to(&mut self, next: Settings, exec: &Exec) -> Result<Update, Error> {
-        if !self.levels.contains_key(&next.level) {
-            self.levels.insert(next.level, Level::new(&self.finest, next.level, exec)?);
-        }
+        let start = Instant::now();
+        self.make_level(next.level, exec)?;
         let level = self.levels.get_mut(&next.level).expect("made above");
         let now = &self.settings;
         let same_motion = exec.skip
@@ -178,12 +338,19 @@ impl Session {
             None if same_motion => None,
             _ => level.solve(&next, self.labels.as_ref(), exec)?,
         };
+        let solved = Instant::now();
         let moved = if same_motion && now.map == next.map {
             None
         } else {
             Some(level.map(motion.as_ref(), self.labels.as_ref(), &next.map, exec)?)
         };
-        let update = self.show(moved.as_ref(), &next, exec)?;
+        let mapped = Instant::now();
+        let mut update = self.show(moved.as_ref(), &next, exec)?;
+        update.times = Times {
+            solve: (solved - start).as_secs_f64(),
+            map: (mapped - solved).as_secs_f64(),
+            warp: mapped.elapsed().as_secs_f64(),
+        };
         self.motion = motion;
         if let Some(moved) = moved {
             self.moved = moved;
@@ -200,6 +367,7 @@ impl Session {
             min_det_j: after.displacement.min_det_j(),
             misfit: after.misfit,
             relaxations: after.relaxations,
+            largest_mm: largest(&after.displacement),
             ..Update::default()
         };
         if next.warp != *self.deformed.params() || !exec.skip {
@@ -215,6 +383,25 @@ impl Session {
         }
         Ok(update)
     }
+}
+
+/// The vertex that is meant, as the place where it rests.
+fn anchor(lattice: &Lattice, at: &mut Anchor) {
+    if let Anchor::Vertex(vertex) = *at
+        && (vertex as usize) < lattice.keys().len()
+    {
+        *at = Anchor::NearestTo(lattice.world(vertex as usize).0.into());
+    }
+}
+
+fn no_gesture(event: &'static str) -> Error {
+    Error::Event { event, problem: "no gesture goes on".into(), remedy: "begin one first" }
+}
+
+/// The longest vector that is stored (mm).
+fn largest(displacement: &Displacement) -> f64 {
+    let squared = |v: &[f32; 3]| v.iter().map(|&c| f64::from(c) * f64::from(c)).sum::<f64>();
+    displacement.forward().vectors().iter().map(squared).fold(0.0, f64::max).sqrt()
 }
 
 /// Bricks whose voxels a displacement moves or leaves behind, ascending.

@@ -11,6 +11,7 @@ use ivd_motion::ring::RingParams;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::numbered::{Id, Numbered, add, at, take};
 
 /// Highest level of refinement: 4⁻¹⁶ of any lattice is nothing.
 const COARSEST: u8 = 16;
@@ -68,71 +69,92 @@ pub struct Settings {
     /// Level of refinement of the lattice that is deformed: 4⁻ᴸ of its vertices.
     pub level: u8,
     /// What moves.
-    pub handles: Vec<Handle>,
+    pub handles: Vec<Numbered<Handle>>,
     /// What stays.
-    pub fixed: Vec<Pin>,
+    pub fixed: Vec<Numbered<Pin>>,
     /// How the lattice follows.
     pub physics: Physics,
     /// Changes of shape, after that.
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<Numbered<Shape>>,
     /// How the voxels follow.
     pub map: MapChoice,
     /// How their values are found.
     pub warp: WarpParams,
 }
 
-/// A change of a session. Its JSON is the log's.
+/// A change of a session. Its JSON is the log's. Handles, fixes and shapes are called by numbers that stay while others come and go.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
     /// A handle more, behind the others.
-    Add(Handle),
-    /// Handle `handle` goes; those behind it move up.
+    Add {
+        /// Its number; without it a new one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        id: Option<Id>,
+        /// The handle.
+        #[serde(flatten)]
+        handle: Handle,
+    },
+    /// A handle goes.
     Remove {
-        /// Number of the handle, from 0.
-        handle: usize,
+        /// Its number.
+        handle: Id,
     },
     /// A handle moves its vertex by a vector, counted from rest.
     Move {
-        /// Number of the handle, from 0.
-        handle: usize,
+        /// Its number.
+        handle: Id,
         /// The vector (mm, RAS).
         by: [f64; 3],
     },
     /// A handle pulls its vertex with a force.
     Pull {
-        /// Number of the handle, from 0.
-        handle: usize,
+        /// Its number.
+        handle: Id,
         /// The force (mN, RAS).
         with: [f64; 3],
     },
     /// A handle takes another vertex.
     Place {
-        /// Number of the handle, from 0.
-        handle: usize,
+        /// Its number.
+        handle: Id,
         /// The vertex.
         at: Anchor,
     },
     /// A handle reaches further, or less far.
     Radius {
-        /// Number of the handle, from 0.
-        handle: usize,
+        /// Its number.
+        handle: Id,
         /// Radius (mm), > 0.
         radius: f64,
     },
     /// Vertices stay.
-    Pin(Pin),
-    /// What stayed by fix `fix` may move again; those behind it move up.
+    Pin {
+        /// The fix's number; without it a new one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        id: Option<Id>,
+        /// Which vertices.
+        #[serde(flatten)]
+        pin: Pin,
+    },
+    /// What stayed by a fix may move again.
     Release {
-        /// Number of the fix, from 0.
-        fix: usize,
+        /// The fix's number.
+        fix: Id,
     },
     /// A change of shape more, after the others.
-    Shape(Shape),
-    /// Shape `shape` goes; those behind it move up.
+    Shape {
+        /// Its number; without it a new one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        id: Option<Id>,
+        /// The change.
+        #[serde(flatten)]
+        shape: Shape,
+    },
+    /// A change of shape goes.
     Unshape {
-        /// Number of the shape, from 0.
-        shape: usize,
+        /// Its number.
+        shape: Id,
     },
     /// Another solver, or other parameters of it.
     Physics(Physics),
@@ -156,6 +178,57 @@ pub enum Event {
     Level(u8),
     /// Nothing moves: handles, fixes and shapes go.
     Reset,
+}
+
+impl Event {
+    /// What it does, as an entry of a list of what can be undone.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Add { .. } => "add a handle",
+            Self::Remove { .. } => "remove a handle",
+            Self::Move { .. } => "move a handle",
+            Self::Pull { .. } => "pull a handle",
+            Self::Place { .. } => "place a handle",
+            Self::Radius { .. } => "change a radius",
+            Self::Pin { .. } => "pin",
+            Self::Release { .. } => "release a pin",
+            Self::Shape { .. } => "change a shape",
+            Self::Unshape { .. } => "remove a change of shape",
+            Self::Physics(_) => "choose a solver",
+            Self::Stiffness { .. } => "change the stiffness",
+            Self::Material { .. } => "change a material",
+            Self::Map(_) => "choose a map",
+            Self::Warp(_) => "change how values are found",
+            Self::Level(_) => "change the level",
+            Self::Reset => "reset",
+        }
+    }
+
+    /// Whether the settings after it are the same with and without `last` right before it.
+    pub(crate) fn replaces(&self, last: &Self) -> bool {
+        match (self, last) {
+            // A pull is no move: the solver may refuse one of them.
+            (Self::Move { handle: a, .. }, Self::Move { handle: b, .. })
+            | (Self::Pull { handle: a, .. }, Self::Pull { handle: b, .. })
+            | (Self::Place { handle: a, .. }, Self::Place { handle: b, .. })
+            | (Self::Radius { handle: a, .. }, Self::Radius { handle: b, .. }) => a == b,
+            (Self::Stiffness { .. }, Self::Stiffness { .. })
+            | (Self::Map(_), Self::Map(_))
+            | (Self::Warp(_), Self::Warp(_))
+            | (Self::Level(_), Self::Level(_)) => true,
+            _ => false,
+        }
+    }
+
+    /// Where it picks a vertex, if it does.
+    pub(crate) fn anchor_mut(&mut self) -> Option<&mut Anchor> {
+        match self {
+            Self::Add { handle, .. } => Some(&mut handle.at),
+            Self::Place { at, .. } => Some(at),
+            Self::Pin { pin, .. } => Some(&mut pin.at),
+            _ => None,
+        }
+    }
 }
 
 impl Settings {
@@ -198,11 +271,8 @@ impl Settings {
     pub fn after(&self, event: &Event) -> Result<Self, Error> {
         let mut next = self.clone();
         match event {
-            Event::Add(handle) => next.handles.push(*handle),
-            Event::Remove { handle } => {
-                at("remove", "handle", &mut next.handles, *handle)?;
-                next.handles.remove(*handle);
-            }
+            Event::Add { id, handle } => add("handle", &mut next.handles, *id, *handle)?,
+            Event::Remove { handle } => take("remove", "handle", &mut next.handles, *handle)?,
             Event::Move { handle, by } => {
                 at("move", "handle", &mut next.handles, *handle)?.action = Action::Move(*by);
             }
@@ -215,16 +285,10 @@ impl Settings {
             Event::Radius { handle, radius } => {
                 at("radius", "handle", &mut next.handles, *handle)?.radius = *radius;
             }
-            Event::Pin(fix) => next.fixed.push(*fix),
-            Event::Release { fix } => {
-                at("release", "fix", &mut next.fixed, *fix)?;
-                next.fixed.remove(*fix);
-            }
-            Event::Shape(shape) => next.shapes.push(*shape),
-            Event::Unshape { shape } => {
-                at("unshape", "shape", &mut next.shapes, *shape)?;
-                next.shapes.remove(*shape);
-            }
+            Event::Pin { id, pin } => add("fix", &mut next.fixed, *id, *pin)?,
+            Event::Release { fix } => take("release", "fix", &mut next.fixed, *fix)?,
+            Event::Shape { id, shape } => add("shape", &mut next.shapes, *id, *shape)?,
+            Event::Unshape { shape } => take("unshape", "shape", &mut next.shapes, *shape)?,
             Event::Physics(physics) => next.physics = physics.clone(),
             Event::Stiffness { newton_per_metre } => match &mut next.physics {
                 Physics::Ring(params) => params.stiffness = *newton_per_metre,
@@ -257,14 +321,4 @@ impl Settings {
         next.check()?;
         Ok(next)
     }
-}
-
-/// The one of a number.
-fn at<'a, T>(event: &'static str, what: &str, all: &'a mut [T], number: usize) -> Result<&'a mut T, Error> {
-    let count = all.len();
-    all.get_mut(number).ok_or_else(|| Error::Event {
-        event,
-        problem: format!("{what} {number} where there are {count}"),
-        remedy: "count from 0, in the order in which they came",
-    })
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
 
 use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
 
 use ivd_core::{Class, Exec, Labels, Lattice, Volume, VoxelIndex, Voxels, World};
 use ivd_field::shape::{Kind, Shape};
@@ -13,7 +14,7 @@ use ivd_motion::freeform;
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring::{self, Material, Solver};
 use ivd_motion::ring::{self, RingParams};
-use ivd_session::{Event, MapChoice, Physics, Session, Settings};
+use ivd_session::{Entry, Event, MapChoice, Physics, Session, Settings, numbered};
 
 const SIDE: usize = 40;
 
@@ -74,20 +75,20 @@ fn at_once(settings: &Settings, exec: &Exec) -> (Option<ivd_map::MapResult>, Vol
     };
     let labels = labels(&volume);
     let mut motion = None;
-    if !settings.handles.is_empty() {
+    let handles: Vec<Handle> = settings.handles.iter().map(|handle| handle.what).collect();
+    let fixed: Vec<Pin> = settings.fixed.iter().map(|pin| pin.what).collect();
+    let shapes: Vec<Shape> = settings.shapes.iter().map(|shape| shape.what).collect();
+    if !handles.is_empty() {
         motion = Some(match &settings.physics {
-            Physics::Ring(params) => {
-                ring::solve(&lattice, &settings.handles, &settings.fixed, params, exec).unwrap().motion
-            }
+            Physics::Ring(params) => ring::solve(&lattice, &handles, &fixed, params, exec).unwrap().motion,
             Physics::Springs(params) => {
                 let labels = Some(&labels).filter(|_| !params.springs.material.is_empty());
-                let (handles, fixed) = (&settings.handles, &settings.fixed);
-                mass_spring::solve(&lattice, labels, handles, fixed, params, exec).unwrap().motion
+                mass_spring::solve(&lattice, labels, &handles, &fixed, params, exec).unwrap().motion
             }
         });
     }
-    if !settings.shapes.is_empty() {
-        motion = Some(freeform::lattice(&lattice, motion.as_ref(), &settings.shapes, exec).unwrap().motion);
+    if !shapes.is_empty() {
+        motion = Some(freeform::lattice(&lattice, motion.as_ref(), &shapes, exec).unwrap().motion);
     }
     let Some(motion) = motion else { return (None, volume) };
     let last = motion.frames().len() - 1;
@@ -132,7 +133,7 @@ fn a_drag_is_what_the_stages_give_and_names_the_bricks_that_change() {
     let handle = Handle { at: pick([0.0, 0.0, 1.0]), action: Action::Move([0.0; 3]), radius: 9.0 };
     let map = |method, outside| Event::Map(choice(method, outside));
     let ways = [
-        vec![Event::Add(handle)],
+        vec![Event::Add { id: None, handle }],
         vec![Event::Level(2)],
         vec![map("biharmonic", Outside::Band)],
         vec![springs(Solver::Projective)],
@@ -177,12 +178,16 @@ fn every() -> usize {
 }
 
 /// Numbers that look random.
-struct Draw(u64);
+struct Draw {
+    seed: u64,
+    /// The numbers of the handles, fixes and shapes that there are.
+    ids: [Vec<u32>; 3],
+}
 
 impl Draw {
     fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 33) as usize) % n
+        self.seed = self.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.seed >> 33) as usize) % n
     }
 
     fn unit(&mut self) -> f64 {
@@ -200,27 +205,38 @@ impl Draw {
 
     /// Any event, some of them bad.
     fn event(&mut self) -> Event {
-        let number = |draw: &mut Self| draw.below(3);
+        // One that is there, or may be.
+        let id = |draw: &mut Self, list: usize| {
+            let count = draw.ids[list].len();
+            let at = draw.below(count + 1);
+            draw.ids[list].get(at).copied().unwrap_or(2)
+        };
         match self.below(17) {
-            0 => Event::Add(Handle {
-                at: self.place(),
-                action: Action::Move(self.vector(1.0)),
-                radius: 4.0 + 6.0 * self.unit(),
-            }),
-            1 => Event::Remove { handle: number(self) },
-            2 => Event::Pull { handle: number(self), with: self.vector(30.0) },
-            3 => Event::Place { handle: number(self), at: self.place() },
-            4 => Event::Radius { handle: number(self), radius: 10.0 * self.unit() - 0.5 },
-            5 => Event::Pin(Pin { at: self.place(), radius: 2.0 * self.unit() }),
-            6 => Event::Release { fix: number(self) },
-            7 => Event::Shape(Shape {
-                kind: Kind::Twist { rate: 2.0 * self.unit(), length: None },
-                centre: [19.3, 19.6, 24.2],
-                axis: [0.0, 0.3, 1.0],
-                radius: 10.0,
-                core: 0.3,
-            }),
-            8 => Event::Unshape { shape: number(self) },
+            0 => Event::Add {
+                id: None,
+                handle: Handle {
+                    at: self.place(),
+                    action: Action::Move(self.vector(1.0)),
+                    radius: 4.0 + 6.0 * self.unit(),
+                },
+            },
+            1 => Event::Remove { handle: id(self, 0) },
+            2 => Event::Pull { handle: id(self, 0), with: self.vector(30.0) },
+            3 => Event::Place { handle: id(self, 0), at: self.place() },
+            4 => Event::Radius { handle: id(self, 0), radius: 10.0 * self.unit() - 0.5 },
+            5 => Event::Pin { id: None, pin: Pin { at: self.place(), radius: 2.0 * self.unit() } },
+            6 => Event::Release { fix: id(self, 1) },
+            7 => Event::Shape {
+                id: None,
+                shape: Shape {
+                    kind: Kind::Twist { rate: 2.0 * self.unit(), length: None },
+                    centre: [19.3, 19.6, 24.2],
+                    axis: [0.0, 0.3, 1.0],
+                    radius: 10.0,
+                    core: 0.3,
+                },
+            },
+            8 => Event::Unshape { shape: id(self, 2) },
             9 => Event::Physics(self.physics()),
             10 => Event::Stiffness { newton_per_metre: 1.0 + 200.0 * self.unit() },
             11 => Event::Material {
@@ -238,7 +254,7 @@ impl Draw {
             }),
             14 => Event::Level([0, 1, 2, 2, 3, 17][self.below(6)]),
             15 if self.below(4) == 0 => Event::Reset,
-            _ => Event::Move { handle: number(self), by: self.vector(1.5) },
+            _ => Event::Move { handle: id(self, 0), by: self.vector(1.5) },
         }
     }
 
@@ -266,7 +282,10 @@ fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
     let first = Settings { level: 2, ..Settings::default() };
     let mut live = session(first.clone(), &exec);
     let start = live.deformed().clone();
-    let mut draw = Draw(7);
+    let mut draw = Draw { seed: 7, ids: [const { Vec::new() }; 3] };
+    let entries = Arc::new(Mutex::new(Vec::new()));
+    let log = entries.clone();
+    live.record(move |entry| log.lock().unwrap().push(serde_json::to_string(entry).unwrap()));
     let (mut refused, mut kinds, mut tried) = (0, BTreeMap::new(), 0);
     while live.events().count() < count {
         let event = draw.event();
@@ -279,6 +298,12 @@ fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
         assert!(tried < 6000, "most events are refused");
         if live.apply(event, &exec).is_ok() {
             *kinds.entry(name).or_insert(0) += 1;
+            let now = live.settings();
+            draw.ids = [
+                now.handles.iter().map(|one| one.id).collect(),
+                now.fixed.iter().map(|one| one.id).collect(),
+                now.shapes.iter().map(|one| one.id).collect(),
+            ];
         } else {
             refused += 1;
             assert!(
@@ -307,6 +332,13 @@ fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
     }
     assert!((again.deformed(), again.displacement(), again.settings()) == (&end.0, &end.1, &end.2));
 
+    // So does the log, read line by line.
+    let mut replayed = session(first.clone(), &exec);
+    for line in entries.lock().unwrap().iter() {
+        replayed.replay(serde_json::from_str::<Entry>(line).unwrap(), &exec).unwrap();
+    }
+    assert!((replayed.deformed(), replayed.settings()) == (&end.0, &end.2));
+
     for _ in 0..80 {
         live.undo(&exec).unwrap().unwrap();
     }
@@ -334,7 +366,7 @@ fn nothing_skipped_gives_the_same() {
     let handle = Handle { at: pick([1.0, 0.2, 0.1]), action: Action::Move([1.0, 0.0, 0.4]), radius: 8.0 };
     for event in [
         Event::Level(1),
-        Event::Add(handle),
+        Event::Add { id: None, handle },
         Event::Move { handle: 0, by: [2.0, 0.0, 0.0] },
         Event::Map(MapChoice::Biharmonic(BiharmonicParams::default())),
         Event::Move { handle: 0, by: [-1.0, 0.5, 0.0] },
@@ -350,15 +382,15 @@ fn bad_events_are_named() {
     let exec = Exec::default();
     let mut session = session(Settings::default(), &exec);
     let mut refused = |event: Event| session.apply(event, &exec).unwrap_err().to_string();
-    assert!(refused(Event::Move { handle: 2, by: [0.0; 3] }).contains("handle 2 where there are 0"));
+    assert!(refused(Event::Move { handle: 2, by: [0.0; 3] }).contains("no handle 2, nor any other"));
     assert!(refused(Event::Level(40)).contains("level"));
     assert!(refused(Event::Material { class: 1, material: Material::default() }).contains("springs first"));
     let far = Handle { at: Anchor::NearestTo([500.0; 3]), action: Action::Move([1.0; 3]), radius: 5.0 };
-    assert!(refused(Event::Add(far)).contains("pick a point nearer"));
+    assert!(refused(Event::Add { id: None, handle: far }).contains("pick a point nearer"));
     let world: World = ball().1.world(0);
     let deep =
         Handle { at: Anchor::NearestTo(world.0.into()), action: Action::Move([0.0, 0.0, 60.0]), radius: 5.0 };
-    refused(Event::Add(deep));
+    refused(Event::Add { id: None, handle: deep });
     assert_eq!(session.events().count(), 0);
     let (volume, lattice) = ball();
     let other = ivd_core::Grid::with_spacing([8; 3], [1.0; 3]).unwrap();
@@ -370,4 +402,96 @@ fn bad_events_are_named() {
             .contains("another grid")
     );
     drop(volume);
+}
+
+/// A handle on the ball's top.
+fn top() -> Handle {
+    Handle { at: pick([0.0, 0.0, 1.0]), action: Action::Move([0.0; 3]), radius: 9.0 }
+}
+
+#[test]
+fn a_gesture_is_one_step_and_leaves_nothing_when_it_is_abandoned() {
+    let exec = Exec::default();
+    let mut session = session(Settings::default(), &exec);
+    session.apply(Event::Add { id: None, handle: top() }, &exec).unwrap();
+    let (settings, rest) = (session.settings().clone(), session.deformed().clone());
+    let drag = |session: &mut Session| {
+        session.begin("drag").unwrap();
+        for way in 1..6 {
+            session.apply(Event::Move { handle: 0, by: [0.0, 0.0, 0.3 * f64::from(way)] }, &exec).unwrap();
+        }
+    };
+    drag(&mut session);
+    assert!(session.undo(&exec).unwrap_err().to_string().contains("“drag” goes on"));
+    assert!(session.begin("another").is_err() && session.in_gesture());
+    session.abandon(&exec).unwrap();
+    assert_eq!((session.settings(), session.deformed()), (&settings, &rest));
+    assert!(session.abandon(&exec).is_err() && session.commit().is_err());
+
+    drag(&mut session);
+    let there = session.deformed().clone();
+    assert!(session.commit().unwrap());
+    let steps: Vec<(&str, usize)> = session.steps().map(|step| (&*step.name, step.events.len())).collect();
+    assert_eq!(steps, [("add a handle", 1), ("drag", 1)], "of many moves the last counts");
+    session.undo(&exec).unwrap().unwrap();
+    assert_eq!(session.deformed(), &rest);
+    assert_eq!(session.undone().unwrap().name, "drag");
+    // What is abandoned doesn't take away what could be done again; neither does what changes nothing.
+    session.begin("nothing").unwrap();
+    assert!(!session.commit().unwrap());
+    drag(&mut session);
+    session.abandon(&exec).unwrap();
+    session.redo(&exec).unwrap().unwrap();
+    assert_eq!(session.deformed(), &there);
+}
+
+#[test]
+fn numbers_stay_and_never_come_again() {
+    let exec = Exec::default();
+    let mut session = session(Settings::default(), &exec);
+    let add = |at| Event::Add { id: None, handle: Handle { at: pick(at), ..top() } };
+    for at in [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+        session.apply(add(at), &exec).unwrap();
+    }
+    let ids = |session: &Session| session.settings().handles.iter().map(|one| one.id).collect::<Vec<_>>();
+    session.apply(Event::Remove { handle: 1 }, &exec).unwrap();
+    session.apply(Event::Move { handle: 2, by: [0.0, 0.5, 0.0] }, &exec).unwrap();
+    assert_eq!(ids(&session), [0, 2]);
+    session.undo(&exec).unwrap();
+    session.undo(&exec).unwrap();
+    session.undo(&exec).unwrap();
+    session.apply(add([0.0, -1.0, 0.0]), &exec).unwrap();
+    assert_eq!(ids(&session), [0, 1, 3]);
+    let twice = session.apply(Event::Add { id: Some(3), handle: top() }, &exec).unwrap_err().to_string();
+    assert!(twice.contains("handle 3 is there already"), "{twice}");
+    assert!(session.apply(Event::Remove { handle: 2 }, &exec).unwrap_err().to_string().contains("0, 1, 3"));
+}
+
+#[test]
+fn a_vertex_stays_the_place_that_it_was_when_the_level_changes() {
+    let exec = Exec::default();
+    let at = Anchor::Vertex(40);
+    let handles = numbered([Handle { at, ..top() }]);
+    let mut session = session(Settings { handles, ..Settings::default() }, &exec);
+    let place = session.lattice().world(40).0;
+    session.apply(Event::Level(2), &exec).unwrap();
+    assert_eq!(session.settings().handles[0].at, Anchor::NearestTo(place.into()));
+    session.make_level(1, &exec).unwrap();
+    let update = session.apply(Event::Move { handle: 0, by: [0.5, 0.0, 0.0] }, &exec).unwrap();
+    // The vertex lies between voxels, none of which goes further.
+    assert!((0.4..0.5 + 1e-6).contains(&update.largest_mm), "{}", update.largest_mm);
+}
+
+#[test]
+fn the_ranges_of_bricks_follow_what_changes() {
+    let exec = Exec::default();
+    let mut session = session(Settings::default(), &exec);
+    session.deformed().bricks();
+    session.apply(Event::Add { id: None, handle: top() }, &exec).unwrap();
+    for by in [[0.0, 0.0, 2.0], [0.0, 1.0, -1.0], [0.0; 3]] {
+        session.apply(Event::Move { handle: 0, by }, &exec).unwrap();
+        let deformed = session.deformed();
+        let anew = Volume::new(deformed.grid().clone(), deformed.voxels().clone()).unwrap();
+        assert_eq!(deformed.bricks(), anew.bricks());
+    }
 }

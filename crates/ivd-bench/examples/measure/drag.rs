@@ -28,7 +28,8 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     let at = Anchor::NearestTo(outermost(&lattice));
     let settings = Settings { level: level.parse()?, ..Settings::default() };
     let mut session = Session::new(volume, lattice, None, settings, &exec)?;
-    session.apply(Event::Add(Handle { at, action: Action::Move([0.0; 3]), radius }), &exec)?;
+    let handle = Handle { at, action: Action::Move([0.0; 3]), radius };
+    session.apply(Event::Add { id: None, handle }, &exec)?;
     let mut times = Vec::new();
     for frame in 1..=FRAMES {
         let t = std::f64::consts::TAU * (frame as f64 / FRAMES as f64);

@@ -221,7 +221,7 @@ fn drag(
     exec: &Exec,
 ) -> Result<(Drag, Option<FieldBricks>), Problem> {
     let (wall, cpu) = (Instant::now(), ProcessTime::now());
-    session.apply(Event::Add(handle), exec)?;
+    session.apply(Event::Add { id: None, handle }, exec)?;
     let placed_ms = [cpu.elapsed(), wall.elapsed()].map(|time| 1e3 * time.as_secs_f64());
     let (mut frames, mut refused) = (Vec::with_capacity(path.len()), 0);
     let mut farthest = None;

@@ -29,7 +29,7 @@ macro_rules! of_one_type {
 /// What [`volume`](super::volume) makes of a volume, made anew brick by brick where its displacement changed.
 ///
 /// Memory: one copy of the voxels. Whoever keeps a clone of [`Deformed::output`] while it is updated makes it copy them again, and no
-/// memory limit is asked about that.
+/// memory limit is asked about that. Once the ranges of its bricks are known, they are kept, and found anew for what changes alone.
 #[derive(Debug, Clone)]
 pub struct Deformed {
     output: Volume,
@@ -98,8 +98,7 @@ impl Deformed {
             simd: exec.simd,
         };
         let types = [volume.voxel_type(), self.output.voxel_type()];
-        let output = self.output.voxels_mut();
-        exec.run(|| {
+        let remake = |output: &mut Voxels| {
             of_one_type!(volume.voxels(), output, from, to => Ok(job.run(from, to.make_mut())))
                 .unwrap_or_else(|| {
                     Err(Error::Mismatch {
@@ -108,7 +107,8 @@ impl Deformed {
                         remedy: "update with the volume that it was made of",
                     })
                 })
-        })
+        };
+        exec.run(|| self.output.change_blocks(bricks, remake))
     }
 }
 
