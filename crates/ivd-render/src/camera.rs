@@ -118,6 +118,11 @@ impl Camera {
         }
     }
 
+    /// What lies in the middle of the picture (mm, RAS).
+    pub(crate) fn centre(&self) -> Vector3<f64> {
+        self.centre
+    }
+
     /// In voxel coordinates: where rays start, and a millimetre to the right, up, and away from the eye.
     pub(crate) fn axes(&self) -> [Vector3<f64>; 4] {
         [self.start, self.voxels_right, self.voxels_up, self.voxels_away]

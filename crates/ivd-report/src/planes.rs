@@ -56,8 +56,29 @@ impl Plane {
     }
 
     /// Width and height of what a slice shows (mm).
-    pub(crate) fn extent(&self, grid: &Grid) -> [f64; 2] {
+    pub fn extent(&self, grid: &Grid) -> [f64; 2] {
         [self.right.axis, self.up.axis].map(|axis| grid.dims()[axis] as f64 * grid.spacing()[axis])
+    }
+
+    /// Where a place of the slice's picture lies in the grid (voxel coordinates): from 0, 0 at its top left corner to 1, 1 at its bottom right one.
+    pub fn voxel(&self, dims: [usize; 3], at: f64, [across, down]: [f64; 2]) -> [f64; 3] {
+        let along = |step: Step, share: f64| {
+            let n = dims[step.axis] as f64;
+            (if step.rises { share } else { 1.0 - share }) * n - 0.5
+        };
+        let mut voxel = [at; 3];
+        voxel[self.right.axis] = along(self.right, across);
+        voxel[self.up.axis] = along(self.up, 1.0 - down);
+        voxel
+    }
+
+    /// The other way round: where the slice's picture shows a place of the grid, whichever slice that lies in.
+    pub fn place(&self, dims: [usize; 3], voxel: [f64; 3]) -> [f64; 2] {
+        let along = |step: Step| {
+            let share = (voxel[step.axis] + 0.5) / dims[step.axis] as f64;
+            if step.rises { share } else { 1.0 - share }
+        };
+        [along(self.right), 1.0 - along(self.up)]
     }
 
     /// The slice at a voxel of the cut axis, with a pixel for every voxel.
@@ -101,6 +122,28 @@ mod tests {
                 (2 * (at % image.width()) > image.width(), 2 * (at / image.width()) < image.height())
             })
             .collect()
+    }
+
+    #[test]
+    fn places_of_pictures_and_of_grids_convert_both_ways() {
+        let dims = [5, 7, 9];
+        let grid =
+            Grid::new(dims, [1.0, 2.0, 3.0], [0.0; 3], [[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+                .unwrap();
+        for plane in planes(&grid) {
+            let shown = [4, 1, 6];
+            let image =
+                plane.slice(dims, shown[plane.cut()], |v| [if v == shown { 255 } else { 0 }; 4]).unwrap();
+            let at = image.rgba().iter().step_by(4).position(|r| *r == 255).unwrap();
+            let share = [
+                ((at % image.width()) as f64 + 0.5) / image.width() as f64,
+                ((at / image.width()) as f64 + 0.5) / image.height() as f64,
+            ];
+            let voxel = shown.map(|c| c as f64);
+            let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+            assert!(near(&plane.voxel(dims, voxel[plane.cut()], share), &voxel), "{}", plane.name);
+            assert!(near(&plane.place(dims, voxel), &share), "{}", plane.name);
+        }
     }
 
     #[test]

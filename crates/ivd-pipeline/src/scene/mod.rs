@@ -104,6 +104,45 @@ impl Scene {
         Ok(())
     }
 
+    /// Names another file as the input.
+    pub fn set_input(&mut self, file: &Path) {
+        self.input = InputSection { file: Some(file.to_owned()), phantom: None, ..self.input.clone() };
+        let input = self.written.entry("input".to_owned()).or_insert_with(|| Json::Object(Map::new()));
+        if let Json::Object(input) = input {
+            input.remove("phantom");
+            input.insert("file".to_owned(), file.to_string_lossy().into());
+        }
+    }
+
+    /// Asks for pictures, the deformed volume and its displacement; of a scene that moves nothing for a picture alone.
+    pub fn set_output(&mut self, still: bool) {
+        let images = if still { vec![Picture::Before] } else { vec![Picture::Before, Picture::After] };
+        let file = |name: &str| (!still).then(|| name.into());
+        let (volume, displacement) = (file("deformed.nii.gz"), file("inverse.nrrd"));
+        self.output = OutputSection { images, volume, displacement, ..OutputSection::default() };
+        let names: Vec<&str> = self.output.images.iter().map(|picture| picture.name()).collect();
+        let mut output = Map::new();
+        output.insert("images".to_owned(), names.into());
+        output.extend(
+            self.output
+                .files()
+                .into_iter()
+                .map(|(key, file)| (key.to_owned(), file.to_string_lossy().into())),
+        );
+        self.written.insert("output".to_owned(), Json::Object(output));
+    }
+
+    /// The scene as a text that [`parse`] makes the same scene of: its sections as they were written, and set since.
+    ///
+    /// # Errors
+    /// A value that TOML doesn't have.
+    pub fn to_text(&self) -> Result<String, Error> {
+        let mut written = self.written.clone();
+        written.values_mut().for_each(drop_nulls);
+        let table = toml::Table::try_from(&written);
+        table.and_then(|table| toml::to_string(&table)).map_err(|e| Error::usage("scene", e.to_string()))
+    }
+
     /// Checks what the type system can't: ranges and combinations. The text names section and key.
     ///
     /// # Errors
@@ -309,6 +348,18 @@ impl Scene {
         pictures.sort_unstable();
         pictures.dedup();
         pictures
+    }
+}
+
+/// Takes out what isn't given, which TOML has no word for.
+fn drop_nulls(value: &mut Json) {
+    match value {
+        Json::Object(keys) => {
+            keys.retain(|_, value| !value.is_null());
+            keys.values_mut().for_each(drop_nulls);
+        }
+        Json::Array(all) => all.iter_mut().for_each(drop_nulls),
+        Json::Null | Json::Bool(_) | Json::Number(_) | Json::String(_) => {}
     }
 }
 

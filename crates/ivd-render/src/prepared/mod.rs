@@ -199,12 +199,16 @@ impl<'a> Prepared<'a> {
     }
 
     /// The camera of a view: its rays are clipped unless samples are by where they were before.
-    fn camera(&self, params: &RenderParams) -> Camera {
+    pub(crate) fn camera(&self, params: &RenderParams) -> Camera {
         let grid = self.scene.volume.grid();
         if self.warp.as_ref().is_some_and(Warp::is_cut) {
             return Camera::new(grid, &RenderParams { clip: Vec::new(), ..params.clone() }, &self.held);
         }
         Camera::new(grid, params, &self.held)
+    }
+
+    pub(crate) fn params(&self) -> &RenderParams {
+        &self.params
     }
 
     /// What makes a projected value grey.

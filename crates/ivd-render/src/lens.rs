@@ -1,0 +1,58 @@
+//! From places to pixels and back, for whoever draws over a picture or takes hold of what it shows.
+
+use nalgebra::Vector3;
+
+use crate::camera::Camera;
+use crate::{Error, Prepared, Projection, RenderParams, View};
+
+/// How a view turns places into pixels. Places are mm, RAS; pixels count from the middle of the top left one.
+pub struct Lens {
+    camera: Camera,
+    middle: Vector3<f64>,
+}
+
+impl Lens {
+    pub(crate) fn new(camera: Camera, middle: Vector3<f64>) -> Self {
+        Self { camera, middle }
+    }
+
+    /// Where a place is seen, as column and row; `None` behind the eye.
+    pub fn project(&self, place: [f64; 3]) -> Option<[f64; 2]> {
+        self.camera.project(Vector3::from(place))
+    }
+
+    /// What lies in the middle of the picture (mm, RAS).
+    pub fn middle(&self) -> [f64; 3] {
+        self.middle.into()
+    }
+
+    /// Unit directions to the picture's right, up, and towards the eye (RAS).
+    pub fn axes(&self) -> [[f64; 3]; 3] {
+        [self.camera.right, self.camera.up, self.camera.towards_eye].map(Into::into)
+    }
+
+    /// How far apart places beside this one are that neighbouring pixels show (mm): for moving it with the pointer.
+    pub fn pixel_at(&self, place: [f64; 3]) -> f64 {
+        match self.camera.projection() {
+            Projection::Orthographic => self.camera.pixel_mm,
+            Projection::Perspective => {
+                self.camera.pixel_mm * self.camera.depth(Vector3::from(place)).max(0.0)
+                    / self.camera.distance()
+            }
+        }
+    }
+}
+
+impl Prepared<'_> {
+    /// How a view turns places into pixels.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn lens(&self, view: View) -> Result<Lens, Error> {
+        let params = RenderParams { view, ..self.params().clone() };
+        params.check()?;
+        let camera = self.camera(&params);
+        let middle = camera.centre();
+        Ok(Lens::new(camera, middle))
+    }
+}
