@@ -25,7 +25,7 @@ slowest *args="":
 # `IVD_STRESS_SCENES`, `IVD_STRESS_PUSHES` and `IVD_STRESS_SEED` choose how many and which; a failure names the one to run again.
 stress:
     IVD_STRESS_EVERY=1 IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} IVD_STRESS_SPACES=${IVD_STRESS_SPACES:-20000} cargo test --release -p ivd-tests --test integration stability -- --nocapture --test-threads=1
-    IVD_STRESS_EVERY=1 cargo test --release -p ivd-lattice -p ivd-session --test integration
+    IVD_STRESS_EVERY=1 cargo test --release -p ivd-lattice -p ivd-session -p ivd-frames --test integration
     IVD_STRESS_EVERY=1 cargo test --release -p ivd-cli --test integration hostile
     cargo test --release -p ivd-segment -p ivd-boundary -- --ignored --nocapture
     cargo test --release -p ivd-field -p ivd-motion -p ivd-map -- --ignored --nocapture
@@ -51,6 +51,15 @@ interop:
     cargo build --release
     cargo build --release -p ivd-bench --example measure
     bash tests/interop/run.sh target/release/ivd
+
+# The page of `ivd serve` in Chromium, driven as hands would.
+page *args="":
+    cargo build --release
+    bash tests/page/run.sh target/release/ivd {{args}}
+
+# A scan in a browser, by hand.
+serve *args="":
+    cargo run --release -- serve {{args}}
 
 # Every output of every recipe opened by other programs' readers; and each figure of the reports of all scenes found in --json (pages under target/reports).
 readers:

@@ -2,6 +2,7 @@
 
 mod combine;
 mod output;
+mod serve;
 
 use std::path::PathBuf;
 
@@ -14,6 +15,7 @@ use crate::parse;
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
 pub(crate) use output::Output;
+pub(crate) use serve::ServeArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
 ///
@@ -229,6 +231,8 @@ pub(crate) enum Command {
     },
     /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.
     Bench(Bench),
+    /// Shows a scan in a browser on this machine, to be pulled and pressed by hand; prints the links to open.
+    Serve(ServeArgs),
     /// Reports on this machine: threads, memory, SIMD, GPU; what is switched off, and why.
     Doctor,
     /// Prints the JSON Schema of a scene.

@@ -9,6 +9,7 @@ mod doctor;
 mod export;
 mod info;
 mod pipeline;
+mod serve;
 mod volume;
 
 use crate::args::Command;
@@ -59,6 +60,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         }
         Command::Compare { a, b, labels } => compare::run(&a, &b, labels, context),
         Command::Bench(args) => bench::run(&args, context),
+        Command::Serve(args) => serve::run(args, context),
         Command::Doctor => doctor::run(context),
         Command::Schema => {
             let schema = ivd_pipeline::scene::Scene::json_schema();

@@ -11,7 +11,7 @@ use crate::context::Context;
 use crate::exit::{Failure, Unfinished};
 
 /// The scene of the demo: a generated head, its nose pressed in.
-const DEMO: &str = include_str!("../../../../fixtures/scenes/bust.toml");
+pub(super) const DEMO: &str = include_str!("../../../../fixtures/scenes/bust.toml");
 
 /// `ivd demo`.
 pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {

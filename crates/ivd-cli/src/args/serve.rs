@@ -1,0 +1,21 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use ivd_pipeline::scene::Override;
+
+/// `ivd serve`.
+#[derive(Debug, Args)]
+pub(crate) struct ServeArgs {
+    /// Scan, or scene (.toml). Default: the generated head of `ivd demo`.
+    #[arg(value_name = "FILE|SCENE")]
+    pub(crate) file: Option<PathBuf>,
+    /// Override a key of the scene, or of that which a scan alone is opened by, such as lattice.iso=60.
+    #[arg(long = "set", value_name = "stage.key=value")]
+    pub(crate) overrides: Vec<Override>,
+    /// Port on 127.0.0.1; 0 for any that is free. From another machine: ssh -L PORT:localhost:PORT.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) port: u16,
+    /// Listen at a socket in the file system instead, which only you can open: ssh -L PORT:PATH.
+    #[arg(long, value_name = "PATH", conflicts_with = "port")]
+    pub(crate) socket: Option<PathBuf>,
+}

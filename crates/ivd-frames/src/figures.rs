@@ -1,0 +1,139 @@
+//! What is told beside the pictures.
+
+use ivd_render::Lens;
+use serde::Serialize;
+
+use crate::Pane;
+
+/// A handle or a pin, and where the panes show it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Spot {
+    /// What it is called by.
+    pub id: u32,
+    /// Its vertex at rest (mm, RAS).
+    pub rest: [f64; 3],
+    /// Where that is now.
+    pub now: [f64; 3],
+    /// How far it has gone.
+    pub by: [f64; 3],
+    /// Reach (mm).
+    pub radius: f64,
+    /// Where each pane shows it, as shares.
+    pub at: [Option<[f64; 2]>; 4],
+}
+
+/// What lies under the pointer.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Hovered {
+    /// Where the pointer is.
+    pub pane: Pane,
+    /// What is shown there (mm, RAS).
+    pub place: [f64; 3],
+    /// Where that was at rest.
+    pub rest: [f64; 3],
+    /// Its value.
+    pub value: Option<f64>,
+    /// The handle that would be taken hold of.
+    pub handle: Option<u32>,
+    /// The vertex that a new handle would take, at rest; `None` where the lattice is too far.
+    pub vertex: Option<[f64; 3]>,
+    /// How far that is from the place at rest (mm).
+    pub away_mm: Option<f64>,
+    /// Where each pane shows the place, as shares.
+    pub at: [Option<[f64; 2]>; 4],
+}
+
+/// A deformation that wasn't possible: what is shown is the last that was.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Refused {
+    /// Why.
+    pub why: String,
+    /// How far the hand is from what it holds (mm).
+    pub ahead_mm: f64,
+}
+
+/// What is told of a slice.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Slice {
+    /// Its pane.
+    pub pane: Pane,
+    /// What lies to the left, right, top and bottom, where the file says where the patient lies.
+    pub letters: Option<[&'static str; 4]>,
+    /// Width and height (mm).
+    pub extent_mm: [f64; 2],
+    /// Which it is, from 0.
+    pub slice: usize,
+    /// How many there are.
+    pub slices: usize,
+}
+
+/// What is told beside the pictures.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figures {
+    /// Of the volume's pane (pixels).
+    pub size: [usize; 2],
+    /// Azimuth and elevation (degrees).
+    pub angles: [f64; 2],
+    /// Magnification.
+    pub zoom: f64,
+    /// What the volume's pane is wide, where the camera looks (mm).
+    pub width_mm: f64,
+    /// What lies to the left, right, top and bottom of the volume's pane.
+    pub letters: Option<[&'static str; 4]>,
+    /// Handles.
+    pub handles: Vec<Spot>,
+    /// Pins.
+    pub pins: Vec<Spot>,
+    /// The handle that is held.
+    pub held: Option<u32>,
+    /// Where the slices meet (mm, RAS).
+    pub cross: [f64; 3],
+    /// The value there.
+    pub cross_value: Option<f64>,
+    /// Where the panes show it.
+    pub cross_at: [Option<[f64; 2]>; 4],
+    /// What lies under the pointer.
+    pub hovered: Option<Hovered>,
+    /// The slices.
+    pub slices: [Slice; 3],
+    /// Values that are black and white in slices.
+    pub window: [f64; 2],
+    /// What would be undone.
+    pub undo: Option<String>,
+    /// What would be done again.
+    pub redo: Option<String>,
+    /// Reach of the next handle (mm).
+    pub radius: f64,
+    /// Level of the lattice.
+    pub level: u8,
+    /// Vertices of it.
+    pub vertices: usize,
+    /// How the lattice follows.
+    pub solver: &'static str,
+    /// Stiffness (N/m).
+    pub stiffness: f64,
+    /// How the voxels follow.
+    pub map: &'static str,
+    /// Largest motion of a voxel (mm).
+    pub largest_mm: f64,
+    /// Smallest proven lower bound of the determinant.
+    pub min_det_j: f64,
+    /// How far the vertices that move most are left behind, relative to their motion.
+    pub behind: f64,
+    /// What the last event took: lattice, displacement, values (s).
+    pub times: [f64; 3],
+    /// Why the last event wasn't followed.
+    pub refused: Option<Refused>,
+    /// What was chosen for the person.
+    pub said: Vec<String>,
+}
+
+/// The sides of the patient that lie to the left, right, top and bottom of a picture.
+pub(crate) fn letters(lens: &Lens) -> [&'static str; 4] {
+    let [right, up, _] = lens.axes();
+    let side = |way: [f64; 3]| {
+        let axis = (0..3).fold(0, |best, a| if way[a].abs() > way[best].abs() + 1e-9 { a } else { best });
+        [["L", "R"], ["P", "A"], ["I", "S"]][axis][usize::from(way[axis] > 0.0)]
+    };
+    [side(right.map(|c| -c)), side(right), side(up), side(up.map(|c| -c))]
+}

@@ -1,0 +1,28 @@
+//! What a window onto a session shows and does, without a window: a [`Model`] follows [`Request`]s (the camera is turned, a handle dragged, a level
+//! changed) and draws panes; a [`Service`] runs one on a thread of its own and publishes [`Frame`]s.
+//!
+//! A handle is taken hold of where it is seen, in the volume's picture or in a slice, and moved with the pointer; the picked place goes back through the
+//! deformation to where it was at rest, so that handles can be put on what has been deformed. What can't be deformed as asked stays as it was, and the
+//! figures say why and how far the hand is ahead.
+//!
+//! What a model shows follows from its subject and settings alone: [`Subject::scene_of`] is the scene of which `ivd pipeline` makes the same voxels.
+#![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
+
+mod colours;
+mod error;
+mod figures;
+mod model;
+mod panes;
+mod request;
+mod save;
+mod service;
+mod subject;
+
+pub use error::Error;
+pub use figures::{Figures, Hovered, Refused, Slice, Spot};
+pub use model::Model;
+pub use request::{Axis, MapName, Pane, Request, Saved};
+pub use save::File;
+pub use service::{Client, Frame, Output, Picture, Service};
+pub use subject::{Subject, bare_scene};

@@ -1,0 +1,68 @@
+//! The figures of a model.
+
+use ivd_core::VoxelCoord;
+use ivd_session::{MapChoice, Physics};
+
+use super::Model;
+use crate::figures::{Figures, Slice, letters};
+
+impl Figures {
+    /// What there is to tell of a model.
+    pub(super) fn of(model: &Model) -> Self {
+        let (session, panes) = (&model.session, &model.panes);
+        let (settings, volume) = (session.settings(), session.deformed());
+        let grid = volume.grid();
+        let lettered = grid.in_patient();
+        let cross: [f64; 3] = grid.world(VoxelCoord(panes.cross.into())).0.into();
+        let nearest = grid.nearest_voxel(panes.cross.into());
+        let slices = model.slices().map(|(pane, axis, slice)| {
+            let plane = panes.plane(pane);
+            Slice {
+                pane,
+                letters: plane.filter(|_| lettered).map(|plane| plane.letters),
+                extent_mm: plane.map_or([1.0; 2], |plane| plane.extent(grid)),
+                slice,
+                slices: grid.dims()[axis],
+            }
+        });
+        let (solver, stiffness) = match &settings.physics {
+            Physics::Ring(params) => ("ring", params.stiffness),
+            Physics::Springs(params) => ("springs", params.springs.stiffness),
+        };
+        let map = match &settings.map {
+            MapChoice::Octree(_) => "octree",
+            MapChoice::Biharmonic(_) => "biharmonic",
+            MapChoice::Fem(_) => "fem",
+        };
+        Self {
+            size: panes.size,
+            angles: panes.view.angles,
+            zoom: panes.view.zoom,
+            width_mm: panes.size[0] as f64 * model.lens.pixel_at(model.lens.middle()),
+            letters: lettered.then(|| letters(&model.lens)),
+            handles: model.spots.clone(),
+            pins: model.pins.clone(),
+            held: model.drag.map(|drag| drag.handle),
+            cross,
+            cross_value: nearest.map(|voxel| volume.value(voxel)).filter(|value| value.is_finite()),
+            cross_at: panes.shares(grid, &model.lens, cross),
+            hovered: model.hovered.clone(),
+            slices,
+            window: [model.window.low, model.window.high],
+            undo: session.steps().last().map(|step| step.name.clone()),
+            redo: session.undone().map(|step| step.name.clone()),
+            radius: model.radius,
+            level: settings.level,
+            vertices: session.lattice().keys().len(),
+            solver,
+            stiffness,
+            map,
+            largest_mm: model.last.largest_mm,
+            min_det_j: model.last.min_det_j,
+            behind: model.last.misfit,
+            times: [model.last.times.solve, model.last.times.map, model.last.times.warp],
+            refused: model.refused.clone(),
+            said: model.subject.said.clone(),
+        }
+    }
+}

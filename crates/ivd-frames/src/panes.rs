@@ -1,0 +1,206 @@
+//! Where places lie in the panes, and what panes show where.
+
+use ivd_core::{Exec, Grid, Image, TransferFunction, Volume, VoxelCoord, VoxelIndex, World};
+use ivd_render::{Fit, Lens, Prepared, RenderParams, Scene, View};
+use ivd_report::{Plane, planes};
+use nalgebra::Vector3;
+
+use crate::colours::Window;
+use crate::{Error, Pane};
+
+/// Step of a coarse picture's rays, in those of a whole one's.
+const COARSE_STEP: f64 = 2.0;
+
+/// How the panes look at a volume.
+pub(crate) struct Panes {
+    planes: [Plane; 3],
+    /// Of the volume's pane.
+    pub(crate) size: [usize; 2],
+    pub(crate) view: View,
+    first: View,
+    /// How pictures are drawn, but for size and view.
+    picture: RenderParams,
+    /// The voxel that the slices meet in (voxel coordinates).
+    pub(crate) cross: [f64; 3],
+}
+
+/// A pane about a place, as directions and lengths of the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Across {
+    /// What the pane's width and height are there (mm, RAS): to the right and down.
+    pub(crate) right: Vector3<f64>,
+    pub(crate) down: Vector3<f64>,
+}
+
+impl Panes {
+    /// The slices meet in the middle.
+    pub(crate) fn new(
+        volume: &Volume,
+        transfer: Option<&TransferFunction>,
+        picture: &RenderParams,
+        size: [usize; 2],
+        exec: &Exec,
+    ) -> Result<Self, Error> {
+        let grid = volume.grid();
+        let picture = RenderParams { annotate: false, picks: Vec::new(), size, ..picture.clone() };
+        let mut panes = Self {
+            planes: planes(grid),
+            size,
+            view: picture.view,
+            first: picture.view,
+            picture,
+            cross: grid.dims().map(|n| (n / 2) as f64),
+        };
+        // What fits at first stays so: a camera that follows what is seen would move while that is deformed.
+        let seen = panes.prepared(volume, transfer, size, false, exec)?.lens(panes.view)?;
+        panes.picture.fit = Fit::Volume;
+        let whole = panes.prepared(volume, transfer, size, false, exec)?.lens(panes.view)?;
+        let (middle, off) = (seen.middle(), whole.middle());
+        let zoom = panes.view.zoom * whole.pixel_at(off) / seen.pixel_at(middle);
+        panes.first = View { target: Some(middle), zoom, ..panes.view };
+        panes.view = panes.first;
+        Ok(panes)
+    }
+
+    /// A scene that is ready to be drawn, in so many pixels.
+    fn prepared<'a>(
+        &self,
+        volume: &'a Volume,
+        transfer: Option<&'a TransferFunction>,
+        size: [usize; 2],
+        coarse: bool,
+        exec: &Exec,
+    ) -> Result<Prepared<'a>, Error> {
+        let step = self.picture.step * if coarse { COARSE_STEP } else { 1.0 };
+        let params = RenderParams { size, step, view: self.view, ..self.picture.clone() };
+        Ok(Prepared::new(&Scene { transfer, ..Scene::new(volume) }, &params, exec)?)
+    }
+
+    /// The volume's picture; `coarser`: by how many its sides are divided.
+    pub(crate) fn draw(
+        &self,
+        volume: &Volume,
+        transfer: Option<&TransferFunction>,
+        coarser: usize,
+        exec: &Exec,
+    ) -> Result<Image, Error> {
+        let size = self.size.map(|n| (n / coarser).max(1));
+        let prepared = self.prepared(volume, transfer, size, coarser > 1, exec)?;
+        Ok(prepared.render(self.view, exec)?.image)
+    }
+
+    /// How the volume's pane turns places into pixels.
+    pub(crate) fn lens(
+        &self,
+        volume: &Volume,
+        transfer: Option<&TransferFunction>,
+        exec: &Exec,
+    ) -> Result<Lens, Error> {
+        Ok(self.prepared(volume, transfer, self.size, false, exec)?.lens(self.view)?)
+    }
+
+    /// The place that a pane shows at a share of it (mm, RAS); `None` where there is nothing.
+    pub(crate) fn look(
+        &self,
+        pane: Pane,
+        at: [f64; 2],
+        volume: &Volume,
+        transfer: Option<&TransferFunction>,
+        exec: &Exec,
+    ) -> Result<Option<[f64; 3]>, Error> {
+        let grid = volume.grid();
+        let Some(plane) = self.plane(pane) else {
+            let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
+            if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {
+                return Ok(None);
+            }
+            let prepared = self.prepared(volume, transfer, self.size, false, exec)?;
+            return Ok(prepared.pick(self.view, pixel.map(|c| c as usize))?.map(|pick| pick.place));
+        };
+        let voxel = plane.voxel(grid.dims(), self.cross[plane.cut()], at);
+        let inside = (0..3).all(|a| (-0.5..grid.dims()[a] as f64 - 0.5).contains(&voxel[a]));
+        Ok(inside.then(|| grid.world(VoxelCoord(voxel.into())).0.into()))
+    }
+
+    /// Where each pane shows a place, as shares of it.
+    pub(crate) fn shares(&self, grid: &Grid, lens: &Lens, place: [f64; 3]) -> [Option<[f64; 2]>; 4] {
+        Pane::ALL.map(|pane| match self.plane(pane) {
+            Some(plane) => {
+                let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+                Some(plane.place(grid.dims(), voxel.into()))
+            }
+            None => lens.project(place).map(|pixel| [0, 1].map(|a| (pixel[a] + 0.5) / self.size[a] as f64)),
+        })
+    }
+
+    /// What a pane's width and height are at a place.
+    pub(crate) fn across(&self, pane: Pane, grid: &Grid, lens: &Lens, place: [f64; 3]) -> Across {
+        match self.plane(pane) {
+            None => {
+                let [right, up, _] = lens.axes().map(Vector3::from);
+                let [width, height] = self.size.map(|n| n as f64 * lens.pixel_at(place));
+                Across { right: right * width, down: up * -height }
+            }
+            Some(plane) => {
+                let world = |at| grid.world(VoxelCoord(plane.voxel(grid.dims(), 0.0, at).into())).0;
+                let corner = world([0.0; 2]);
+                Across { right: world([1.0, 0.0]) - corner, down: world([0.0, 1.0]) - corner }
+            }
+        }
+    }
+
+    /// The plane of a slice's pane.
+    pub(crate) fn plane(&self, pane: Pane) -> Option<&Plane> {
+        pane.number().checked_sub(1).and_then(|number| self.planes.get(number))
+    }
+
+    /// The voxel of the cut axis that a slice shows.
+    pub(crate) fn slice(&self, plane: &Plane, dims: [usize; 3]) -> usize {
+        (self.cross[plane.cut()].round().max(0.0) as usize).min(dims[plane.cut()] - 1)
+    }
+
+    /// A slice, in grey, with a pixel for every voxel.
+    pub(crate) fn draw_slice(&self, plane: &Plane, volume: &Volume, window: Window) -> Result<Image, Error> {
+        let grid = volume.grid();
+        let pixel = |voxel| {
+            let grey = window.grey(volume.value(VoxelIndex(voxel)));
+            [grey, grey, grey, 255]
+        };
+        Ok(plane.slice(grid.dims(), self.slice(plane, grid.dims()), pixel)?)
+    }
+
+    /// Turns the camera by a drag across so much of the pane: half of it is a quarter turn.
+    pub(crate) fn orbit(&mut self, [right, down]: [f64; 2]) {
+        let [azimuth, elevation] = self.view.angles;
+        let azimuth = (azimuth - 180.0 * right).rem_euclid(360.0);
+        self.view.angles = [azimuth, (elevation + 180.0 * down).clamp(-90.0, 90.0)];
+    }
+
+    /// Moves what lies in the middle, so that what is seen follows a drag.
+    pub(crate) fn pan(&mut self, grid: &Grid, lens: &Lens, [right, down]: [f64; 2]) {
+        let middle = lens.middle();
+        let across = self.across(Pane::Volume, grid, lens, middle);
+        let moved = Vector3::from(middle) - across.right * right - across.down * down;
+        // Not so far that what there is can't be found again.
+        let [low, high] = grid.extent();
+        self.view.target = Some(std::array::from_fn(|a| moved[a].clamp(low[a], high[a])));
+    }
+
+    /// Magnifies; the place at a share of the pane stays where it is.
+    pub(crate) fn zoom(&mut self, grid: &Grid, lens: &Lens, factor: f64, at: [f64; 2]) {
+        let zoom = (self.view.zoom * factor).clamp(0.1, 200.0);
+        let factor = zoom / self.view.zoom;
+        let share = 1.0 - 1.0 / factor;
+        self.pan(grid, lens, [(0.5 - at[0]) * share, (0.5 - at[1]) * share]);
+        self.view.zoom = zoom;
+    }
+
+    /// Looks from a side, at the same place.
+    pub(crate) fn look_from(&mut self, side: ivd_render::Side) {
+        (self.view.angles, self.view.roll) = (side.angles(), 0.0);
+    }
+
+    pub(crate) fn reset_view(&mut self) {
+        self.view = self.first;
+    }
+}

@@ -1,0 +1,330 @@
+//! What a person does in a window, as values: nothing in it names a file, and what it costs is bounded before anything is computed.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+/// Sides of a picture (pixels).
+const SIDES: [usize; 2] = [32, 2048];
+/// Most handles, and most pins.
+pub(crate) const MOST_HANDLES: usize = 64;
+/// No length, force or place is further from 0 (mm, mN).
+const FARTHEST: f64 = 1e6;
+
+/// A part of the window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Pane {
+    /// The volume, drawn.
+    Volume,
+    /// A slice from the feet.
+    Axial,
+    /// A slice from the front.
+    Coronal,
+    /// A slice from the left.
+    Sagittal,
+}
+
+impl Pane {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Volume, Self::Axial, Self::Coronal, Self::Sagittal];
+
+    /// Its place in [`Pane::ALL`].
+    pub fn number(self) -> usize {
+        self as usize
+    }
+}
+
+/// An axis of the patient that a drag keeps to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// Left to right.
+    X,
+    /// Back to front.
+    Y,
+    /// Feet to head.
+    Z,
+}
+
+/// A way to carry a motion to the voxels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MapName {
+    /// Through the octree.
+    Octree,
+    /// The smoothest.
+    Biharmonic,
+}
+
+/// What is written to be kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Saved {
+    /// The scene, as TOML: `ivd pipeline` makes the same of it.
+    Scene,
+    /// The deformed volume, as NIfTI.
+    Volume,
+    /// The displacement from deformed to rest, as NRRD.
+    Displacement,
+    /// The deformed lattice, as PLY.
+    Lattice,
+    /// The picture, as PNG.
+    Picture,
+    /// The log, as lines of JSON.
+    Log,
+}
+
+/// A thing that is done in a window. Places are shares of a pane, from 0, 0 at the top left to 1, 1 at the bottom right; lengths are mm, RAS.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Request {
+    /// Another size of the volume's pane.
+    Resize {
+        /// Width and height (pixels).
+        size: [usize; 2],
+    },
+    /// Turns the camera by a drag of so many shares of the pane.
+    Orbit {
+        /// To the right and down.
+        by: [f64; 2],
+    },
+    /// Moves the camera along the picture.
+    Pan {
+        /// To the right and down.
+        by: [f64; 2],
+    },
+    /// Magnifies about a place.
+    Zoom {
+        /// By how much.
+        factor: f64,
+        /// What stays where it is.
+        at: [f64; 2],
+    },
+    /// Looks from a side.
+    Look {
+        /// Which.
+        side: ivd_render::Side,
+    },
+    /// The camera as it was at first.
+    ResetView,
+    /// Brightness and contrast of the slices, by a drag.
+    Window {
+        /// To the right widens, down darkens.
+        by: [f64; 2],
+    },
+    /// Shifts and widens the range of the transfer function, by a drag.
+    Transfer {
+        /// To the right shifts up, down narrows.
+        by: [f64; 2],
+    },
+    /// The transfer function and the window as they were at first.
+    ResetColours,
+    /// Goes through slices.
+    Slice {
+        /// In which pane.
+        pane: Pane,
+        /// By how many.
+        steps: i32,
+    },
+    /// Puts the crosshair at a place.
+    Cross {
+        /// In which pane.
+        pane: Pane,
+        /// Where.
+        at: [f64; 2],
+    },
+    /// Asks what lies there.
+    Hover {
+        /// In which pane.
+        pane: Pane,
+        /// Where.
+        at: [f64; 2],
+    },
+    /// Takes hold of the handle there, or of a new one on the lattice.
+    Grab {
+        /// In which pane.
+        pane: Pane,
+        /// Where.
+        at: [f64; 2],
+    },
+    /// Moves what is held to where the pointer is.
+    Drag {
+        /// Where that is.
+        to: [f64; 2],
+        /// Keeps to an axis.
+        #[serde(default)]
+        lock: Option<Axis>,
+    },
+    /// Lets go of what is held: one step, to be undone at once.
+    Drop,
+    /// Goes back to what was before the drag.
+    Abandon,
+    /// Radius of the next handle, and of the one that is held or named.
+    Radius {
+        /// Of this handle.
+        #[serde(default)]
+        handle: Option<u32>,
+        /// Radius (mm).
+        radius: f64,
+    },
+    /// Makes the radius larger or smaller by tenths.
+    Wheel {
+        /// How often.
+        steps: i32,
+    },
+    /// A handle more.
+    Add {
+        /// Where, at rest.
+        place: [f64; 3],
+        /// How far it moves.
+        by: [f64; 3],
+    },
+    /// Moves a handle, counted from rest.
+    Move {
+        /// Which.
+        handle: u32,
+        /// How far.
+        by: [f64; 3],
+    },
+    /// Takes a handle away.
+    Remove {
+        /// Which.
+        handle: u32,
+    },
+    /// Holds what is there where it is.
+    Pin {
+        /// In which pane.
+        pane: Pane,
+        /// Where.
+        at: [f64; 2],
+    },
+    /// Lets a pin go.
+    Release {
+        /// Which.
+        fix: u32,
+    },
+    /// Undoes the last step.
+    Undo,
+    /// Does it again.
+    Redo,
+    /// Takes all handles, pins and shapes away.
+    Reset,
+    /// Another level of the lattice.
+    Level {
+        /// Which.
+        level: u8,
+    },
+    /// Stiffness of the springs.
+    Stiffness {
+        /// N/m.
+        stiffness: f64,
+    },
+    /// Another way to carry the motion to the voxels.
+    Map {
+        /// Which.
+        map: MapName,
+    },
+    /// Asks for something to keep.
+    Save {
+        /// What.
+        what: Saved,
+    },
+}
+
+impl Request {
+    /// Refuses what no window asks for: numbers that aren't numbers, places outside the pane, sizes that cost too much.
+    ///
+    /// # Errors
+    /// Says which number, and what it may be.
+    pub fn check(&self) -> Result<(), Error> {
+        let wrong = |what, problem: String, remedy| Err(Error::Request { what, problem, remedy });
+        let shares = |what, at: &[f64; 2]| {
+            if at.iter().all(|c| (-1.0..=2.0).contains(c)) {
+                return Ok(());
+            }
+            wrong(what, format!("{at:?}"), "give shares of the pane, 0 to 1")
+        };
+        let lengths = |what, by: &[f64]| {
+            if by.iter().all(|c| c.is_finite() && c.abs() <= FARTHEST) {
+                return Ok(());
+            }
+            wrong(what, format!("{by:?}"), "give finite numbers up to a million")
+        };
+        match self {
+            Self::Resize { size } if size.iter().any(|n| !(SIDES[0]..=SIDES[1]).contains(n)) => {
+                wrong("resize", format!("{size:?} pixels"), "use 32 to 2048 a side")
+            }
+            Self::Orbit { by } | Self::Pan { by } | Self::Window { by } | Self::Transfer { by } => {
+                lengths("by", by)
+            }
+            Self::Zoom { factor, .. } if !(0.01..=100.0).contains(factor) => {
+                wrong("zoom", format!("{factor}"), "use 0.01 to 100")
+            }
+            Self::Zoom { at, .. }
+            | Self::Cross { at, .. }
+            | Self::Hover { at, .. }
+            | Self::Grab { at, .. }
+            | Self::Pin { at, .. }
+            | Self::Drag { to: at, .. } => shares("place", at),
+            Self::Radius { radius, .. } if !(*radius > 0.0 && *radius <= FARTHEST) => {
+                wrong("radius", format!("{radius} mm"), "use a positive length up to a million")
+            }
+            Self::Add { place, by } => lengths("place", place).and_then(|()| lengths("move", by)),
+            Self::Move { by, .. } => lengths("move", by),
+            Self::Wheel { steps } | Self::Slice { steps, .. } if steps.unsigned_abs() > 10_000 => {
+                wrong("steps", steps.to_string(), "use up to 10,000")
+            }
+            Self::Stiffness { stiffness } => lengths("stiffness", &[*stiffness]),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether it changes what is deformed, or is the end of that: nothing is let go that comes before or after it.
+    pub fn is_work(&self) -> bool {
+        !matches!(
+            self,
+            Self::Resize { .. }
+                | Self::Orbit { .. }
+                | Self::Pan { .. }
+                | Self::Zoom { .. }
+                | Self::Look { .. }
+                | Self::ResetView
+                | Self::Window { .. }
+                | Self::Transfer { .. }
+                | Self::ResetColours
+                | Self::Slice { .. }
+                | Self::Cross { .. }
+                | Self::Hover { .. }
+                | Self::Save { .. }
+        )
+    }
+
+    /// Takes the request that follows right after it in, where one of the two does the work of both.
+    pub(crate) fn merge(&mut self, next: &Self) -> bool {
+        match (&mut *self, next) {
+            (Self::Orbit { by }, Self::Orbit { by: more })
+            | (Self::Pan { by }, Self::Pan { by: more })
+            | (Self::Window { by }, Self::Window { by: more })
+            | (Self::Transfer { by }, Self::Transfer { by: more }) => {
+                by.iter_mut().zip(more).for_each(|(by, more)| *by += more);
+                true
+            }
+            (Self::Hover { .. }, Self::Hover { .. })
+            | (Self::Cross { .. }, Self::Cross { .. })
+            | (Self::Drag { .. }, Self::Drag { .. })
+            | (Self::Resize { .. }, Self::Resize { .. })
+            | (Self::Stiffness { .. }, Self::Stiffness { .. })
+            | (Self::Level { .. }, Self::Level { .. })
+            | (Self::Map { .. }, Self::Map { .. }) => {
+                self.clone_from(next);
+                true
+            }
+            (Self::Move { handle: a, .. }, Self::Move { handle: b, .. }) if a == b => {
+                self.clone_from(next);
+                true
+            }
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,323 @@
+//! The service that makes frames: one thread owns the model, follows requests and draws, newest first.
+//!
+//! Requests that come while it works are merged: of many moves the last counts. A solve runs to its end; what is drawn anew to be finer is given up when
+//! something happens. While things move, the volume's picture is coarser, as much as its time asks for; soon after they stop it is whole.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use ivd_core::{Cancel, Classified as _, ErrorClass, Exec, Image};
+use serde_json::{Value as Json, json};
+
+use crate::save::File;
+use crate::{Error, Model, Pane, Request};
+
+/// After so long without a request the picture is made whole.
+const SETTLED: Duration = Duration::from_millis(60);
+/// A coarse picture that takes longer is made coarser, ...
+const SLOW: Duration = Duration::from_millis(40);
+/// ... and one that takes less, finer.
+const QUICK: Duration = Duration::from_millis(12);
+/// Requests that wait at most.
+const WAITING: usize = 1024;
+/// By how much the sides of a picture are divided at most.
+const COARSEST: usize = 4;
+
+/// Whoever asks, so that answers find them.
+pub type Client = u64;
+
+/// A picture of a pane.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    /// Of which.
+    pub pane: Pane,
+    /// Rises with every change of what the pane shows.
+    pub version: u64,
+    /// By how much its sides are divided: 1 for a whole one.
+    pub coarser: usize,
+    /// It.
+    pub image: Image,
+    png: OnceLock<Vec<u8>>,
+}
+
+impl Picture {
+    fn new(pane: Pane, version: u64, coarser: usize, image: Image) -> Self {
+        Self { pane, version, coarser, image, png: OnceLock::new() }
+    }
+
+    /// As the bytes of a PNG file, soon made rather than small; made once.
+    ///
+    /// # Errors
+    /// A size that PNG files don't have.
+    pub fn png(&self) -> Result<&[u8], Error> {
+        if self.png.get().is_none() {
+            let _ = self.png.set(self.encoded()?);
+        }
+        Ok(self.png.get().map_or(&[], Vec::as_slice))
+    }
+
+    fn encoded(&self) -> Result<Vec<u8>, Error> {
+        let failed = |error: png::EncodingError| Error::Io { what: "a picture", problem: error.to_string() };
+        let mut bytes = Vec::new();
+        let (width, height) = (self.image.width() as u32, self.image.height() as u32);
+        let mut encoder = png::Encoder::new(&mut bytes, width, height);
+        encoder.set_color(png::ColorType::Rgba);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::Fastest);
+        let mut writer = encoder.write_header().map_err(failed)?;
+        writer.write_image_data(self.image.rgba()).map_err(failed)?;
+        writer.finish().map_err(failed)?;
+        Ok(bytes)
+    }
+}
+
+/// All that a window shows at a time.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Rises with every frame.
+    pub number: u64,
+    /// A picture for each of [`Pane::ALL`].
+    pub pictures: [Arc<Picture>; 4],
+    /// What is told beside them: [`crate::Figures`], and what drawing took (s).
+    pub figures: Json,
+}
+
+/// What the service gives.
+#[derive(Debug, Clone)]
+pub enum Output {
+    /// Something to read while the subject is opened.
+    Note(String),
+    /// A frame.
+    Frame(Arc<Frame>),
+    /// A file that was asked for.
+    File(Client, Arc<File>),
+    /// Why a request was refused.
+    Problem(Client, String),
+    /// Why there will be no more frames.
+    Failed(Arc<Error>),
+}
+
+enum Message {
+    Request(Client, Request),
+    Stop,
+}
+
+/// A running service. Dropped, it ends.
+pub struct Service {
+    sender: SyncSender<Message>,
+    waiting: Arc<AtomicUsize>,
+    refining: Arc<Mutex<Cancel>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Service {
+    /// Starts a thread that opens a model and makes frames of it; `publish` is called with all that comes, on that thread.
+    ///
+    /// # Errors
+    /// Where the system starts no thread.
+    pub fn start(
+        open: impl FnOnce() -> Result<Model, Error> + Send + 'static,
+        exec: Exec,
+        publish: impl FnMut(Output) + Send + 'static,
+    ) -> Result<Self, Error> {
+        let (sender, receiver) = sync_channel(WAITING);
+        let refining = Arc::new(Mutex::new(Cancel::default()));
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let worker = Worker { receiver, waiting: waiting.clone(), refining: refining.clone(), exec, publish };
+        let thread = std::thread::Builder::new().name("frames".to_owned()).spawn(move || worker.run(open));
+        let thread =
+            thread.map_err(|e| Error::Io { what: "the thread that draws", problem: e.to_string() })?;
+        Ok(Self { sender, waiting, refining, thread: Some(thread) })
+    }
+
+    /// Asks for something. Answers come to `publish`. Whether that is taken: not where too much waits already.
+    pub fn ask(&self, client: Client, request: Request) -> bool {
+        self.waiting.fetch_add(1, Ordering::SeqCst);
+        let taken = self.sender.try_send(Message::Request(client, request)).is_ok();
+        if !taken {
+            self.waiting.fetch_sub(1, Ordering::SeqCst);
+        }
+        self.stop_refining();
+        taken
+    }
+
+    fn stop_refining(&self) {
+        self.refining.lock().unwrap_or_else(PoisonError::into_inner).cancel();
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        self.stop_refining();
+        // Without a thread there is nobody left to tell.
+        let _ = self.sender.send(Message::Stop);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+struct Worker<P> {
+    receiver: Receiver<Message>,
+    /// Requests that weren't taken yet.
+    waiting: Arc<AtomicUsize>,
+    refining: Arc<Mutex<Cancel>>,
+    exec: Exec,
+    publish: P,
+}
+
+/// What is drawn, and how well.
+struct Drawn {
+    pictures: [Arc<Picture>; 4],
+    /// What the coarse ones are divided by.
+    coarser: usize,
+    number: u64,
+}
+
+impl<P: FnMut(Output)> Worker<P> {
+    fn run(mut self, open: impl FnOnce() -> Result<Model, Error>) {
+        if let Err(error) = self.work(open) {
+            (self.publish)(Output::Failed(Arc::new(error)));
+        }
+    }
+
+    fn work(&mut self, open: impl FnOnce() -> Result<Model, Error>) -> Result<(), Error> {
+        let mut model = open()?;
+        let log = Arc::new(Mutex::new(Vec::new()));
+        let lines = log.clone();
+        model.session_mut().record(move |entry| {
+            let line = serde_json::to_string(entry).unwrap_or_default();
+            lines.lock().unwrap_or_else(PoisonError::into_inner).push(line);
+        });
+        let picture = |pane: Pane, coarser| {
+            let (version, image) = (model.versions()[pane.number()], model.draw(pane, coarser, &self.exec)?);
+            Ok::<_, Error>(Arc::new(Picture::new(pane, version, coarser, image)))
+        };
+        let [volume, axial, coronal, sagittal] = Pane::ALL;
+        let pictures = [picture(volume, 2)?, picture(axial, 1)?, picture(coronal, 1)?, picture(sagittal, 1)?];
+        let mut drawn = Drawn { pictures, coarser: 2, number: 0 };
+        self.publish_frame(&mut model, &mut drawn, Duration::ZERO);
+        loop {
+            let first = if drawn.pictures[0].coarser == 1 {
+                self.receiver.recv().map_err(|_| RecvTimeoutError::Disconnected)
+            } else {
+                self.receiver.recv_timeout(SETTLED)
+            };
+            match first {
+                Ok(Message::Stop) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
+                Err(RecvTimeoutError::Timeout) => self.refine(&mut model, &mut drawn)?,
+                Ok(Message::Request(client, request)) => {
+                    if self.follow_all(client, request, &mut model, &log)? {
+                        return Ok(());
+                    }
+                    self.draw_stale(&mut model, &mut drawn)?;
+                }
+            }
+        }
+    }
+
+    /// Follows what has come, merged; whether the service ends.
+    fn follow_all(
+        &mut self,
+        client: Client,
+        request: Request,
+        model: &mut Model,
+        log: &Mutex<Vec<String>>,
+    ) -> Result<bool, Error> {
+        let mut pending: Vec<(Client, Request)> = vec![(client, request)];
+        self.waiting.fetch_sub(1, Ordering::SeqCst);
+        let mut ends = false;
+        while let Ok(message) = self.receiver.try_recv() {
+            let Message::Request(client, next) = message else {
+                ends = true;
+                break;
+            };
+            self.waiting.fetch_sub(1, Ordering::SeqCst);
+            // What isn't allowed is refused by itself: merged, it would take what is allowed with it.
+            let merges = |(who, last): &mut (Client, Request)| {
+                *who == client && next.check().is_ok() && last.check().is_ok() && last.merge(&next)
+            };
+            if !pending.last_mut().is_some_and(merges) {
+                pending.push((client, next));
+            }
+        }
+        for (client, request) in pending {
+            let followed = match &request {
+                Request::Save { what } => {
+                    let lines = log.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                    model.save(*what, &lines, &self.exec).map(|file| {
+                        (self.publish)(Output::File(client, Arc::new(file)));
+                    })
+                }
+                request => model.follow(request),
+            };
+            match followed {
+                Ok(()) => {}
+                Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
+                Err(error) => (self.publish)(Output::Problem(client, error.to_string())),
+            }
+        }
+        Ok(ends)
+    }
+
+    /// Draws what has changed, the volume coarsely.
+    fn draw_stale(&mut self, model: &mut Model, drawn: &mut Drawn) -> Result<(), Error> {
+        let mut took = Duration::ZERO;
+        for pane in Pane::ALL {
+            let version = model.versions()[pane.number()];
+            if drawn.pictures[pane.number()].version == version {
+                continue;
+            }
+            let coarser = if pane == Pane::Volume { drawn.coarser } else { 1 };
+            let start = Instant::now();
+            let image = model.draw(pane, coarser, &self.exec)?;
+            drawn.pictures[pane.number()] = Arc::new(Picture::new(pane, version, coarser, image));
+            took += start.elapsed();
+            if pane == Pane::Volume {
+                drawn.coarser = match start.elapsed() {
+                    slow if slow > SLOW => (coarser + 1).min(COARSEST),
+                    quick if quick < QUICK => (coarser - 1).max(1),
+                    _ => coarser,
+                };
+            }
+        }
+        self.publish_frame(model, drawn, took);
+        Ok(())
+    }
+
+    /// Draws the volume whole, unless something comes.
+    fn refine(&mut self, model: &mut Model, drawn: &mut Drawn) -> Result<(), Error> {
+        let cancel = Cancel::default();
+        *self.refining.lock().unwrap_or_else(PoisonError::into_inner) = cancel.clone();
+        // What came before that could not stop it.
+        if self.waiting.load(Ordering::SeqCst) > 0 {
+            return Ok(());
+        }
+        let mut exec = self.exec.clone();
+        exec.cancel = cancel;
+        let (start, version) = (Instant::now(), model.versions()[0]);
+        match model.draw(Pane::Volume, 1, &exec) {
+            Ok(image) => {
+                drawn.pictures[0] = Arc::new(Picture::new(Pane::Volume, version, 1, image));
+                self.publish_frame(model, drawn, start.elapsed());
+                Ok(())
+            }
+            Err(error) if error.error_class() == ErrorClass::Cancelled => {
+                // By a request, which waits; or by whoever stops everything.
+                self.exec.check_cancelled().map_err(Error::from)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn publish_frame(&mut self, model: &mut Model, drawn: &mut Drawn, took: Duration) {
+        drawn.number += 1;
+        let mut figures = json!(model.figures());
+        figures["draw_s"] = json!(took.as_secs_f64());
+        let frame = Frame { number: drawn.number, pictures: drawn.pictures.clone(), figures };
+        (self.publish)(Output::Frame(Arc::new(frame)));
+    }
+}

@@ -1,0 +1,328 @@
+//! From a scene to what a session begins with, and back.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use ivd_artefact::Cache;
+use ivd_core::{Exec, Labels, Lattice, TransferFunction, Value as _, Volume};
+use ivd_field::warp::WarpParams;
+use ivd_map::{BiharmonicParams, FemParams, OctreeParams};
+use ivd_motion::deform::{Asked, DynamicsMethod, ProjectiveMethod, RingMethod, XpbdMethod};
+use ivd_pipeline::plan::{NodeId, Plan};
+use ivd_pipeline::scene::{Loaded, OutputSection, Override, Picture, Scene, parse};
+use ivd_pipeline::{PipelineOptions, Runner, StageResult, run_node};
+use ivd_render::{DvrParams, IsoParams, MipParams, Mode, RenderParams};
+use ivd_session::{MapChoice, Physics, Settings, numbered};
+use serde_json::{Value as Json, json};
+
+use crate::Error;
+
+/// Vertices above which a bare scan is deformed at a coarser level.
+const MANY_VERTICES: usize = 40_000;
+/// What the scene of a bare scan says beside its input.
+const BARE: &str = "schema = 1\n[refine]\nlevel = 0\n[output]\nimages = [\"before\"]\n";
+
+/// What a session begins with.
+#[derive(Debug)]
+pub struct Subject {
+    /// The scene that it comes from.
+    pub scene: Scene,
+    /// The volume at rest.
+    pub volume: Volume,
+    /// The lattice as it was cut.
+    pub lattice: Lattice,
+    /// Classes, where something was found by them.
+    pub labels: Option<Labels>,
+    /// Colour and opacity.
+    pub transfer: Option<TransferFunction>,
+    /// How pictures are drawn.
+    pub picture: RenderParams,
+    /// What the scene asks to be moved.
+    pub settings: Settings,
+    /// What was chosen, for a person to read.
+    pub said: Vec<String>,
+}
+
+/// The scene of a bare scan.
+///
+/// # Errors
+/// An override that doesn't fit.
+pub fn bare_scene(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> {
+    let named = file.file_name().map_or_else(|| "scan".into(), |name| name.to_string_lossy().into_owned());
+    let mut text = toml::Table::new();
+    text.insert("file".to_owned(), named.into());
+    let text = format!("{BARE}[input]\n{text}");
+    let scene = parse(&text, overrides)
+        .map_err(|problem| ivd_pipeline::Error::Scene { file: file.to_owned(), problem })?;
+    Ok(Loaded {
+        scene,
+        folder: file.parent().map_or_else(PathBuf::new, Path::to_owned),
+        file: file.to_owned(),
+    })
+}
+
+impl Subject {
+    /// Does what a session needs of a scene: reads its volume, finds colours, cuts the lattice.
+    ///
+    /// - `is_bare`: whether the scene is that of a bare scan, whose level is chosen here.
+    /// - `begin`: is told the stages, each as it begins.
+    ///
+    /// # Errors
+    /// A scene with parts that a session has not; those of the stages.
+    pub fn open(
+        loaded: &Loaded,
+        is_bare: bool,
+        cache: &Cache,
+        exec: &Exec,
+        begin: &dyn Fn(&'static str),
+    ) -> Result<Self, Error> {
+        check(&loaded.scene)?;
+        let mut cut = loaded.clone();
+        cut.scene.output = OutputSection {
+            images: vec![Picture::Before],
+            lattice_extracted: Some("extracted.ply".into()),
+            ..OutputSection::default()
+        };
+        let plan = Plan::new(&cut, None, None)?;
+        let runner = Runner { exec, cache, lazy: false };
+        let mut done: BTreeMap<NodeId, StageResult> = BTreeMap::new();
+        for node in plan.nodes().iter().filter(|n| n.needed && n.id.stage != ivd_render::STAGE.name) {
+            begin(node.id.stage);
+            let result = run_node(node, &done, runner, &PipelineOptions::default())?;
+            if let Some(remark) = &result.record.remark {
+                exec.observer().note(&format!("{}: {remark}", node.id.stage));
+            }
+            done.insert(node.id, result);
+        }
+        let volume: Volume = done
+            .get(&NodeId::IMPORT)
+            .and_then(|result| Volume::of(&result.artefact).cloned())
+            .ok_or_else(|| missing("a volume"))?;
+        let mut found = (None, None, None);
+        for result in done.values() {
+            let artefact = &*result.artefact;
+            found.0 = Lattice::of(artefact).cloned().or(found.0);
+            found.1 = Labels::of(artefact).cloned().or(found.1);
+            found.2 = TransferFunction::of(artefact).cloned().or(found.2);
+        }
+        let (lattice, labels, transfer) = found;
+        let lattice = lattice.ok_or_else(|| missing("a lattice"))?;
+        let (mode, picture, looks) = drawn(&loaded.scene)?;
+        let transfer = match (transfer, looks) {
+            (Some(transfer), Some(looks)) if !looks.is_empty() => {
+                Some(looks.of(&transfer).map_err(ivd_render::Error::from)?)
+            }
+            (transfer, _) => transfer,
+        };
+        let mut scene = loaded.scene.clone();
+        let mut said = Vec::new();
+        let vertices = lattice.keys().len();
+        if is_bare && vertices > MANY_VERTICES {
+            let level = (vertices as f64 / MANY_VERTICES as f64).log(4.0).ceil() as u64;
+            scene.set(&ivd_lattice::refine::STAGE, &[("level", Some(json!(level)))])?;
+            said.push(format!("level {level}, for {vertices} vertices as cut"));
+        }
+        let settings = settings(&scene)?;
+        Ok(Self {
+            scene,
+            volume,
+            lattice,
+            labels,
+            transfer,
+            picture: RenderParams { mode, ..picture },
+            settings,
+            said,
+        })
+    }
+
+    /// The scene with other settings: what `ivd pipeline` makes of it is what a session shows that is at them.
+    ///
+    /// # Errors
+    /// Settings that no scene has.
+    pub fn scene_of(&self, settings: &Settings) -> Result<Scene, Error> {
+        scene_of(&self.scene, settings)
+    }
+}
+
+fn missing(what: &'static str) -> Error {
+    Error::NotInSessions { part: format!("{what} is made by none of its stages") }
+}
+
+fn none(part: impl Into<String>) -> Error {
+    Error::NotInSessions { part: part.into() }
+}
+
+/// Refuses what a session has no place for: it would show something else than the scene.
+fn check(scene: &Scene) -> Result<(), Error> {
+    let written = |stage| scene.section(stage).and_then(|section| section.written());
+    for stage in [
+        &ivd_map::space::STAGE,
+        &ivd_field::combine::STAGE,
+        &ivd_field::clip::STAGE,
+        ivd_pipeline::list::stage("octree").unwrap_or(&ivd_map::space::STAGE),
+    ] {
+        if written(stage).is_some_and(|keys| !keys.is_empty()) {
+            return Err(none(format!("[{}]", stage.name)));
+        }
+    }
+    let refine = &ivd_lattice::refine::STAGE;
+    let keys = written(refine).into_iter().flatten();
+    if let Some((key, _)) = keys.into_iter().find(|(key, _)| *key != "level") {
+        return Err(none(format!("refine.{key} (it knows refine.level)")));
+    }
+    if scene.param(&ivd_map::STAGE, "frame").is_some() {
+        return Err(none("map.frame"));
+    }
+    if scene.asked().is_some_and(|asked| !asked.bones.is_empty()) {
+        return Err(none("[[deform.rigid]]"));
+    }
+    Ok(())
+}
+
+type Drawn = (Mode, RenderParams, Option<ivd_render::ClassLooks>);
+
+/// How a scene's pictures are drawn.
+fn drawn(scene: &Scene) -> Result<Drawn, Error> {
+    let stage = &ivd_render::STAGE;
+    if let Some(dvr) = scene.get::<DvrParams>(stage) {
+        return Ok((Mode::Dvr, dvr.picture.clone(), Some(dvr.classes.clone())));
+    }
+    if let Some(mip) = scene.get::<MipParams>(stage) {
+        return Ok((Mode::Mip, mip.picture.clone(), None));
+    }
+    match scene.get::<IsoParams>(stage) {
+        Some(IsoParams { iso: Some(value), picture }) => {
+            Ok((Mode::Iso { value: *value }, picture.clone(), None))
+        }
+        _ => Err(none("render.mode")),
+    }
+}
+
+/// What a scene asks to be moved, as a session takes it.
+fn settings(scene: &Scene) -> Result<Settings, Error> {
+    let stage = &ivd_motion::deform::STAGE;
+    let section = scene.section(stage).ok_or_else(|| missing("a motion"))?;
+    let asked = Asked::of(section.job()).ok_or_else(|| missing("a motion"))?;
+    let springs = None
+        .or_else(|| section.get().map(DynamicsMethod::params))
+        .or_else(|| section.get().map(ProjectiveMethod::params))
+        .or_else(|| section.get().map(XpbdMethod::params));
+    let physics = match (section.get::<RingMethod>(), springs) {
+        (Some(ring), _) => Physics::Ring(ring.ring.clone()),
+        (None, Some(springs)) => Physics::Springs(Box::new(springs)),
+        (None, None) => return Err(none("deform.solver = \"body\"")),
+    };
+    let wrong = |problem: ivd_core::ParamError| ivd_core::Error::from(problem.under(stage.name));
+    let map = scene.section(&ivd_map::STAGE).ok_or_else(|| missing("a map"))?;
+    let map = None
+        .or_else(|| map.get().cloned().map(|params: OctreeParams| MapChoice::Octree(params)))
+        .or_else(|| map.get().cloned().map(|params: BiharmonicParams| MapChoice::Biharmonic(params)))
+        .or_else(|| map.get().cloned().map(|params: FemParams| MapChoice::Fem(params)))
+        .ok_or_else(|| none("map.method = \"body\""))?;
+    let level = scene.param(&ivd_lattice::refine::STAGE, "level").and_then(|level| level.as_u64());
+    let settings = Settings {
+        level: level.map_or(2, |level| level.min(255) as u8),
+        handles: numbered(asked.moves.handles().map_err(wrong)?),
+        fixed: numbered(asked.moves.fixed()),
+        physics,
+        shapes: numbered(asked.moves.shape.iter().copied()),
+        map,
+        warp: scene.get::<WarpParams>(&ivd_field::warp::STAGE).cloned().unwrap_or_default(),
+    };
+    settings.check()?;
+    Ok(settings)
+}
+
+/// A scene with other settings.
+fn scene_of(scene: &Scene, settings: &Settings) -> Result<Scene, Error> {
+    use ivd_motion::handles::{Action, Anchor, Handle};
+    let mut scene = scene.clone();
+    let handle = |Handle { at, action, radius }: &Handle| {
+        let (place, at) = match at {
+            Anchor::NearestTo(point) => ("pick", json!(point)),
+            Anchor::Vertex(vertex) => ("vertex", json!(vertex)),
+        };
+        let (does, by) = match action {
+            Action::Move(by) => ("move", by),
+            Action::Force(by) => ("force", by),
+        };
+        json!({ place: at, does: by, "radius": radius })
+    };
+    let handles: Vec<Json> = settings.handles.iter().map(|one| handle(&one.what)).collect();
+    let mut fixed = Vec::new();
+    for pin in &settings.fixed {
+        let Anchor::NearestTo(point) = pin.at else {
+            return Err(none("a pin at a vertex by its number"));
+        };
+        fixed.push(json!({ "pick": point, "radius": pin.radius }));
+    }
+    let given = |mut keys: Json| {
+        if let Json::Object(keys) = &mut keys {
+            keys.retain(|_, value| !value.is_null());
+        }
+        keys
+    };
+    let shapes: Vec<Json> = settings.shapes.iter().map(|one| given(json!(one.what))).collect();
+    let list = |all: Vec<Json>| (!all.is_empty()).then_some(Json::Array(all));
+
+    let stage = &ivd_motion::deform::STAGE;
+    let (solver, params) = match &settings.physics {
+        Physics::Ring(params) => ("ring", json!(params)),
+        Physics::Springs(params) => springs(params),
+    };
+    replace(&mut scene, stage, "solver", solver, params)?;
+    scene.set(stage, &[("handle", list(handles)), ("fix", list(fixed)), ("shape", list(shapes))])?;
+
+    let mut map = json!(settings.map);
+    let method = map.as_object_mut().and_then(|keys| keys.remove("method"));
+    let method = method.as_ref().and_then(Json::as_str).unwrap_or_default().to_owned();
+    replace(&mut scene, &ivd_map::STAGE, "method", &method, map)?;
+    let warp = json!(settings.warp);
+    replace(&mut scene, &ivd_field::warp::STAGE, "", "", warp)?;
+    scene.set(&ivd_lattice::refine::STAGE, &[("level", Some(json!(settings.level)))])?;
+    Ok(scene)
+}
+
+/// Solver and keys of masses on springs.
+fn springs(params: &ivd_motion::mass_spring::Params) -> (&'static str, Json) {
+    use ivd_motion::deform::Body;
+    use ivd_motion::mass_spring::{Params, Solver};
+    let Params { solver, springs, closeness, descent } = params.clone();
+    let body = Body { springs, ..Body::default() };
+    match solver {
+        Solver::Dynamics => ("dynamics", json!(DynamicsMethod { body })),
+        Solver::Projective => ("projective", json!(ProjectiveMethod { body, closeness, descent })),
+        Solver::Xpbd => ("xpbd", json!(XpbdMethod { body, closeness })),
+    }
+}
+
+/// Writes a section anew: a method and what differs from its defaults.
+fn replace(
+    scene: &mut Scene,
+    stage: &ivd_core::op::Stage,
+    selector: &str,
+    method: &str,
+    params: Json,
+) -> Result<(), Error> {
+    let before: Vec<String> = scene
+        .section(stage)
+        .and_then(|s| s.written())
+        .into_iter()
+        .flatten()
+        .map(|(key, _)| key.clone())
+        .collect();
+    let gone: Vec<(&str, Option<Json>)> = before.iter().map(|key| (&**key, None)).collect();
+    scene.set(stage, &gone)?;
+    let mut keys = Vec::new();
+    if !selector.is_empty() {
+        keys.push((selector, Some(json!(method))));
+    }
+    scene.set(stage, &keys)?;
+    let defaults = scene.section(stage).map(|section| section.job().params()).unwrap_or_default();
+    let Json::Object(params) = params else { return Ok(()) };
+    let differs = params.iter().filter(|(key, value)| !value.is_null() && defaults.get(*key) != Some(*value));
+    let differing: Vec<(&str, Option<Json>)> =
+        differs.map(|(key, value)| (&**key, Some(value.clone()))).collect();
+    scene.set(stage, &differing)?;
+    Ok(())
+}

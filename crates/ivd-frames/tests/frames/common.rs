@@ -1,0 +1,46 @@
+use ivd_artefact::Cache;
+use ivd_core::Exec;
+use ivd_frames::{Model, Subject};
+use ivd_pipeline::scene::{Loaded, parse};
+
+/// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
+pub(crate) const BALL: &str = r#"
+schema = 1
+[input]
+phantom = "sphere"
+size = 32
+[lattice]
+iso = 127.5
+[refine]
+level = 1
+[render]
+mode = "iso"
+iso = 127.5
+view = "front"
+[output]
+images = ["before"]
+"#;
+
+pub(crate) fn loaded(text: &str) -> Loaded {
+    Loaded { scene: parse(text, &[]).unwrap(), folder: ".".into(), file: "scene.toml".into() }
+}
+
+pub(crate) fn model(text: &str) -> Model {
+    let exec = Exec::default();
+    let subject = Subject::open(&loaded(text), false, &Cache::disabled(), &exec, &|_| ()).unwrap();
+    Model::new(subject, [128, 128], exec).unwrap()
+}
+
+/// Numbers that look random.
+pub(crate) struct Draw(pub(crate) u64);
+
+impl Draw {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) as usize) % n
+    }
+
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.below(1 << 20) as f64 / f64::from(1 << 20)
+    }
+}

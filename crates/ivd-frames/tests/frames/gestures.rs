@@ -1,0 +1,191 @@
+//! What a hand does is where it is seen.
+
+use ivd_core::{VoxelCoord, VoxelIndex};
+use ivd_field::sampler::Sampler;
+use ivd_frames::{Axis, Figures, Model, Pane, Request};
+use nalgebra::Vector3;
+
+use super::common::{BALL, model};
+
+fn follow(model: &mut Model, request: Request) -> Figures {
+    model.follow(&request).unwrap();
+    model.figures()
+}
+
+#[test]
+fn what_is_held_goes_with_the_pointer_and_is_one_step() {
+    for (pane, at, to) in [
+        (Pane::Volume, [0.5, 0.5], [0.52, 0.47]),
+        (Pane::Axial, [0.5, 0.2], [0.5, 0.16]),
+        (Pane::Sagittal, [0.2, 0.5], [0.16, 0.52]),
+    ] {
+        let mut model = model(BALL);
+        let rest = model.session().deformed().clone();
+        let grabbed = follow(&mut model, Request::Grab { pane, at });
+        assert_eq!((grabbed.handles.len(), grabbed.held), (1, Some(0)), "{:?}", grabbed.refused);
+        let before = grabbed.handles[0].at[pane.number()].unwrap();
+        // The vertex is one of a coarse lattice: not quite where the pointer is.
+        assert!((before[0] - at[0]).hypot(before[1] - at[1]) < 0.08, "{before:?}");
+        for share in [0.3, 0.7, 1.0] {
+            let here = [0, 1].map(|a| at[a] + share * (to[a] - at[a]));
+            model.follow(&Request::Drag { to: here, lock: None }).unwrap();
+        }
+        let dragged = model.figures();
+        assert_eq!(dragged.refused, None);
+        let after = dragged.handles[0].at[pane.number()].unwrap();
+        let way = [0, 1].map(|a| (after[a] - before[a]) - (to[a] - at[a]));
+        assert!(way[0].hypot(way[1]) < 1e-6, "{pane:?} off by {way:?}");
+        assert!(model.session().deformed() != &rest);
+        let dropped = follow(&mut model, Request::Drop);
+        assert_eq!((dropped.held, dropped.undo.as_deref()), (None, Some("drag a new handle")));
+        // Taken hold of again, it goes on from where it is.
+        let again = follow(&mut model, Request::Grab { pane, at: after });
+        assert_eq!((again.handles.len(), again.held), (1, Some(0)));
+        follow(&mut model, Request::Drag { to: before, lock: None });
+        let abandoned = follow(&mut model, Request::Abandon);
+        assert_eq!(abandoned.handles, dropped.handles);
+        let undone = follow(&mut model, Request::Undo);
+        assert!(undone.handles.is_empty() && undone.redo.is_some());
+        assert_eq!(model.session().deformed(), &rest);
+    }
+}
+
+#[test]
+fn a_lock_keeps_the_motion_to_an_axis_of_the_patient() {
+    let mut model = model(BALL);
+    follow(&mut model, Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    let locked = follow(&mut model, Request::Drag { to: [0.53, 0.46], lock: Some(Axis::Z) });
+    let by = locked.handles[0].by;
+    assert!(by[0] == 0.0 && by[1] == 0.0 && by[2] > 0.5, "{by:?}");
+}
+
+#[test]
+fn a_refused_move_leaves_the_last_that_was_possible_and_says_how_far_the_hand_is() {
+    let mut model = model(BALL);
+    follow(&mut model, Request::Radius { handle: None, radius: 4.0 });
+    follow(&mut model, Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    let good = follow(&mut model, Request::Drag { to: [0.51, 0.5], lock: None });
+    let there = model.session().deformed().clone();
+    assert_eq!(good.refused, None);
+    let refused = follow(&mut model, Request::Drag { to: [1.4, 0.5], lock: None });
+    let why = refused.refused.unwrap();
+    assert!(why.ahead_mm > 10.0 && !why.why.is_empty(), "{why:?}");
+    assert_eq!((model.session().deformed(), &refused.handles), (&there, &good.handles));
+    assert_eq!(follow(&mut model, Request::Drop).undo.as_deref(), Some("drag a new handle"));
+}
+
+#[test]
+fn places_go_back_through_the_deformation_to_where_they_were() {
+    let shape = "[[deform.shape]]\nkind = \"translate\"\nby = [0.0, 1.5, 0.5]\ncentre = [16.0, 16.0, 16.0]\nradius = 15.0\ncore = 0.6\n";
+    let model = model(&format!("{BALL}{shape}"));
+    let displacement = model.session().displacement();
+    let (grid, forward) = (displacement.grid(), Sampler::new(displacement.forward(), displacement.grid()));
+    let mut furthest: f64 = 0.0;
+    for i in 0..2000_usize {
+        let rest = Vector3::new(i % 23, i / 23 % 19, i * 7 % 29).map(|c| 2.3 + c as f64);
+        let moved = rest + forward.at(rest);
+        furthest = furthest.max((moved - rest).norm());
+        let back = model.rest_of(grid.world(VoxelCoord(moved)).0.into());
+        let off = (Vector3::from(back) - grid.world(VoxelCoord(rest)).0).norm();
+        assert!(off < 0.01, "{rest} went to {moved} and came back {off} mm off");
+    }
+    assert!(furthest > 1.0, "{furthest}");
+    let hovered = {
+        let mut model = model;
+        follow(&mut model, Request::Hover { pane: Pane::Axial, at: [0.5, 0.5] }).hovered.unwrap()
+    };
+    assert!(hovered.vertex.is_some() && hovered.value.is_some());
+    assert!(hovered.place[1] - hovered.rest[1] > 0.5, "{hovered:?}");
+}
+
+#[test]
+fn panes_that_nothing_touches_stay_as_they_are() {
+    let mut model = model(BALL);
+    follow(&mut model, Request::Radius { handle: None, radius: 5.0 });
+    // The upper slices lie off the handle's reach.
+    follow(&mut model, Request::Slice { pane: Pane::Axial, steps: 14 });
+    let (before, slices) =
+        (model.versions(), Pane::ALL.map(|pane| model.draw(pane, 1, &Default::default()).unwrap()));
+    follow(&mut model, Request::Grab { pane: Pane::Volume, at: [0.5, 0.6] });
+    follow(&mut model, Request::Drag { to: [0.52, 0.62], lock: None });
+    let after = model.versions();
+    let drawn = Pane::ALL.map(|pane| model.draw(pane, 1, &Default::default()).unwrap());
+    for pane in Pane::ALL.map(Pane::number) {
+        let changed = slices[pane] != drawn[pane];
+        assert!(!changed || before[pane] < after[pane], "pane {pane} changed unsaid");
+    }
+    assert_eq!(before[1], after[1], "the axial slice lies elsewhere");
+    assert!(before[0] < after[0] && slices[0] != drawn[0]);
+}
+
+#[test]
+fn the_camera_follows_the_hand() {
+    let mut model = model(BALL);
+    let first = model.figures();
+    assert_eq!((first.angles, first.letters), ([0.0, 0.0], Some(["R", "L", "S", "I"])));
+    let turned = follow(&mut model, Request::Orbit { by: [0.25, 0.1] });
+    assert_eq!(turned.angles, [315.0, 18.0]);
+    follow(&mut model, Request::Look { side: ivd_render::Side::Front });
+    follow(&mut model, Request::Cross { pane: Pane::Axial, at: [0.7, 0.3] });
+    let seen = |figures: &Figures| figures.cross_at[0].unwrap();
+    let before = model.figures();
+    let panned = follow(&mut model, Request::Pan { by: [0.05, -0.1] });
+    let moved = [0, 1].map(|a| seen(&panned)[a] - seen(&before)[a]);
+    assert!((moved[0] - 0.05).abs() < 1e-9 && (moved[1] + 0.1).abs() < 1e-9, "{moved:?}");
+    let at = seen(&panned);
+    let zoomed = follow(&mut model, Request::Zoom { factor: 2.0, at });
+    let off = [0, 1].map(|a| seen(&zoomed)[a] - at[a]);
+    assert!(off[0].hypot(off[1]) < 1e-9 && (zoomed.width_mm * 2.0 - panned.width_mm).abs() < 1e-9, "{off:?}");
+    let reset = follow(&mut model, Request::ResetView);
+    assert_eq!((reset.angles, reset.width_mm), (first.angles, first.width_mm));
+}
+
+#[test]
+fn the_crosshair_joins_the_slices() {
+    let mut model = model(BALL);
+    let crossed = follow(&mut model, Request::Cross { pane: Pane::Coronal, at: [0.31, 0.77] });
+    let at = crossed.cross_at[Pane::Coronal.number()].unwrap();
+    assert!((at[0] - 0.31).hypot(at[1] - 0.77) < 1e-9);
+    let voxel = [0, 1, 2].map(|a| crossed.cross[a].round() as usize);
+    assert_eq!(crossed.cross_value, Some(model.session().rest().value(VoxelIndex(voxel))));
+    // Left is right in the pictures: the axial and the coronal slice agree on where.
+    assert!((crossed.cross_at[Pane::Axial.number()].unwrap()[0] - 0.31).abs() < 1e-9);
+    let sagittal = crossed.slices.iter().find(|slice| slice.pane == Pane::Sagittal).unwrap();
+    assert_eq!(sagittal.slice, voxel[0]);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_and_changes_nothing() {
+    let mut model = model(BALL);
+    let before = model.figures();
+    let wrong = [
+        Request::Drag { to: [0.5, 0.5], lock: None },
+        Request::Grab { pane: Pane::Volume, at: [0.01, 0.01] },
+        Request::Slice { pane: Pane::Volume, steps: 1 },
+        Request::Resize { size: [32_768, 32_768] },
+        Request::Zoom { factor: f64::NAN, at: [0.5; 2] },
+        Request::Zoom { factor: 2.0, at: [f64::INFINITY, 0.5] },
+        Request::Radius { handle: None, radius: -1.0 },
+        Request::Move { handle: 0, by: [1e308; 3] },
+        Request::Orbit { by: [f64::NAN, 0.0] },
+        Request::Wheel { steps: i32::MAX },
+    ];
+    for request in wrong {
+        assert!(model.follow(&request).is_err(), "{request:?}");
+        assert_eq!(model.figures(), before, "{request:?}");
+    }
+    // What a solver refuses is told beside the picture.
+    for request in [
+        Request::Move { handle: 7, by: [1.0; 3] },
+        Request::Level { level: 200 },
+        Request::Stiffness { stiffness: -3.0 },
+        Request::Add { place: [900.0; 3], by: [0.0; 3] },
+    ] {
+        assert!(follow(&mut model, request.clone()).refused.is_some(), "{request:?}");
+    }
+    for _ in 0..64 {
+        model.follow(&Request::Pin { pane: Pane::Volume, at: [0.5; 2] }).unwrap();
+    }
+    let many = model.follow(&Request::Pin { pane: Pane::Volume, at: [0.5; 2] }).unwrap_err();
+    assert!(many.to_string().contains("there are 64"), "{many}");
+}

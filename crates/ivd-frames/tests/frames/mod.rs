@@ -1,0 +1,7 @@
+#![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
+
+mod common;
+mod gestures;
+mod scenes;
+mod scripts;
+mod service;

@@ -1,0 +1,106 @@
+//! Scenes and sessions say the same.
+
+use std::path::Path;
+
+use ivd_core::Exec;
+use ivd_frames::{Error, Request, Saved, Subject, bare_scene};
+use ivd_pipeline::scene;
+
+use super::common::{BALL, loaded, model};
+
+#[test]
+fn a_scene_goes_into_a_session_and_out_again_without_loss() {
+    let moved = [
+        "[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n",
+        "[deform]\nsolver = \"projective\"\nstiffness = 30.0\nyoungs_kpa = 12.0\ntolerance = 0.01\n[[deform.handle]]\nvertex = 3\nforce = [0.0, 0.0, 4.0]\nradius = 9.0\n[[deform.fix]]\npick = [16.0, 4.0, 16.0]\nradius = 3.0\n",
+        "[deform]\nsolver = \"dynamics\"\n[[deform.shape]]\nkind = \"twist\"\nrate = 2.0\ncentre = [16.0, 16.0, 16.0]\nradius = 9.0\n[map]\nmethod = \"biharmonic\"\nmargin = 2.0\n[warp]\norder = \"cubic\"\nbackground = 3.0\n",
+    ];
+    for text in moved {
+        let subject = Subject::open(
+            &loaded(&format!("{BALL}{text}")),
+            false,
+            &ivd_artefact::Cache::disabled(),
+            &Exec::default(),
+            &|_| (),
+        );
+        let subject = match subject {
+            Ok(subject) => subject,
+            Err(error) => panic!("{text}: {error}"),
+        };
+        let written = subject.scene_of(&subject.settings).unwrap();
+        let read = scene::parse(&written.to_text().unwrap(), &[]).unwrap();
+        assert_eq!(read, written, "{text}");
+        for stage in [&ivd_motion::deform::STAGE, &ivd_map::STAGE, &ivd_field::warp::STAGE] {
+            let before = subject.scene.section(stage).unwrap().job().params();
+            assert_eq!(read.section(stage).unwrap().job().params(), before, "{text}: {}", stage.name);
+        }
+    }
+}
+
+#[test]
+fn what_a_session_does_not_have_is_refused_by_name() {
+    for (text, part) in [
+        ("[[space.step]]\nkind = \"cut\"\npoint = [1.0, 1.0, 1.0]\nnormal = [0.0, 0.0, 1.0]\n", "[space]"),
+        (
+            "[deform]\nsolver = \"body\"\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n[map]\nmethod = \"body\"\n",
+            "body",
+        ),
+        ("[octree]\ndepth = 4\n", "[octree]"),
+    ] {
+        // Some keys are those of no scene at all: then the scene says so itself.
+        let Ok(scene) = scene::parse(&format!("{BALL}{text}"), &[]) else { continue };
+        let loaded = scene::Loaded { scene, folder: ".".into(), file: "scene.toml".into() };
+        let opened =
+            Subject::open(&loaded, false, &ivd_artefact::Cache::disabled(), &Exec::default(), &|_| ());
+        let error = opened.err().unwrap();
+        assert!(matches!(error, Error::NotInSessions { .. }) && error.to_string().contains(part), "{error}");
+    }
+}
+
+#[test]
+fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a ‘scan’.nii.gz");
+    let ball = model(BALL);
+    let artefact = ivd_core::Artefact::Volume(ball.session().rest().clone());
+    ivd_pipeline::export(&artefact, &file, &Exec::default()).unwrap();
+    let loaded = bare_scene(&file, &["lattice.iso=127.5".parse().unwrap()]).unwrap();
+    let subject =
+        Subject::open(&loaded, true, &ivd_artefact::Cache::disabled(), &Exec::default(), &|_| ()).unwrap();
+    assert_eq!(&subject.volume, ball.session().rest());
+    assert_eq!((subject.settings.level, subject.said.len()), (0, 0));
+    assert!(subject.transfer.is_some());
+    let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
+    let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
+    let text = String::from_utf8(kept.bytes).unwrap();
+    assert!(text.contains("scan.nii.gz") && !text.contains('‘'), "where it lies stays untold: {text}");
+    assert!(bare_scene(Path::new("x.nii"), &["lattice.isu=3".parse().unwrap()]).is_err());
+}
+
+#[test]
+fn files_to_be_kept_are_what_is_shown() {
+    let mut model = model(BALL);
+    model.follow(&Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] }).unwrap();
+    assert_eq!(model.figures().refused, None);
+    let exec = Exec::default();
+    let folder = tempfile::tempdir().unwrap();
+    for what in [Saved::Volume, Saved::Displacement, Saved::Lattice, Saved::Picture, Saved::Scene, Saved::Log]
+    {
+        let file = model.save(what, &["{}".to_owned()], &exec).unwrap();
+        std::fs::write(folder.path().join(file.name), &file.bytes).unwrap();
+        assert!(!file.bytes.is_empty(), "{what:?}");
+    }
+    let read = |name: &str| {
+        let folder = scene::Loaded {
+            scene: scene::parse(
+                &format!("schema = 1\n[input]\nfile = \"{name}\"\n[lattice]\niso = 127.5\n[output]\nimages = [\"before\"]"),
+                &[],
+            )
+            .unwrap(),
+            folder: folder.path().to_owned(),
+            file: "scene.toml".into(),
+        };
+        Subject::open(&folder, false, &ivd_artefact::Cache::disabled(), &exec, &|_| ()).unwrap().volume
+    };
+    assert_eq!(read("deformed.nii.gz").voxels(), model.session().deformed().voxels());
+}

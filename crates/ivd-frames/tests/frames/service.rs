@@ -1,0 +1,98 @@
+//! Frames come, the newest first; nothing is lost that counts.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+use ivd_core::Exec;
+use ivd_frames::{Error, Frame, Output, Pane, Request, Saved, Service};
+
+use super::common::{BALL, model};
+
+const LONG: Duration = Duration::from_secs(60);
+
+fn service() -> (Service, Receiver<Output>) {
+    let (sender, receiver) = channel();
+    let publish = move |output| _ = sender.send(output);
+    (Service::start(|| Ok(model(BALL)), Exec::default(), publish).unwrap(), receiver)
+}
+
+/// The next whole frame for which something holds.
+fn frame(outputs: &Receiver<Output>, holds: impl Fn(&Frame) -> bool) -> Arc<Frame> {
+    loop {
+        match outputs.recv_timeout(LONG).unwrap() {
+            Output::Frame(frame) if frame.pictures[0].coarser == 1 && holds(&frame) => return frame,
+            Output::Failed(why) => panic!("{why}"),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn a_drag_in_many_requests_ends_where_the_same_without_a_service_does() {
+    let (service, outputs) = service();
+    let first = frame(&outputs, |_| true);
+    assert_eq!(
+        (first.pictures[0].image.width(), first.figures["handles"].as_array().unwrap().len()),
+        (128, 0)
+    );
+    let mut alone = model(BALL);
+    let mut requests = vec![Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] }];
+    requests.extend((1..=60).map(|i| Request::Drag { to: [0.5 + 0.0005 * f64::from(i), 0.49], lock: None }));
+    requests.push(Request::Drop);
+    for request in requests {
+        alone.follow(&request).unwrap();
+        service.ask(1, request);
+    }
+    let last = frame(&outputs, |frame| frame.figures["held"].is_null() && !frame.figures["undo"].is_null());
+    assert_eq!(last.figures["handles"], serde_json::to_value(alone.figures()).unwrap()["handles"]);
+    assert_eq!(last.pictures[0].image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
+    assert!(last.number < 63, "requests that come meanwhile are merged");
+    assert!(last.pictures[0].png().unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn answers_find_those_who_asked() {
+    let (service, outputs) = service();
+    service.ask(7, Request::Drag { to: [0.5, 0.5], lock: None });
+    service.ask(8, Request::Save { what: Saved::Scene });
+    let (mut problem, mut file) = (None, None);
+    while problem.is_none() || file.is_none() {
+        match outputs.recv_timeout(LONG).unwrap() {
+            Output::Problem(client, text) => problem = Some((client, text)),
+            Output::File(client, found) => file = Some((client, found.name)),
+            _ => {}
+        }
+    }
+    assert!(problem.is_some_and(|(client, text)| client == 7 && text.contains("nothing is held")));
+    assert_eq!(file, Some((8, "scene.toml")));
+}
+
+#[test]
+fn merged_requests_do_what_they_do_one_by_one() {
+    let (service, outputs) = service();
+    frame(&outputs, |_| true);
+    // One of them is no number: the others count.
+    for by in [[0.1, 0.0], [f64::NAN, 0.0], [0.15, 0.1]] {
+        service.ask(1, Request::Orbit { by });
+    }
+    let turned = frame(&outputs, |frame| frame.figures["angles"] != serde_json::json!([0.0, 0.0]));
+    let turned = if turned.figures["angles"] == serde_json::json!([315.0, 18.0]) {
+        turned
+    } else {
+        frame(&outputs, |frame| frame.figures["angles"] == serde_json::json!([315.0, 18.0]))
+    };
+    assert_eq!(turned.figures["size"], serde_json::json!([128, 128]));
+}
+
+#[test]
+fn what_cannot_be_opened_says_so_and_ends() {
+    let (sender, outputs) = channel();
+    let open = || Err(Error::NotInSessions { part: "[space]".into() });
+    let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    assert!(
+        matches!(outputs.recv_timeout(LONG).unwrap(), Output::Failed(why) if why.to_string().contains("[space]"))
+    );
+    service.ask(1, Request::Undo);
+    drop(service);
+}

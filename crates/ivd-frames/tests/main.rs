@@ -1,0 +1,2 @@
+//! What a window does, without one.
+mod frames;

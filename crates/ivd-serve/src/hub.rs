@@ -1,0 +1,193 @@
+//! What all connections share.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use ivd_frames::{Client, File, Frame, Output, Request, Service};
+use serde_json::{Value as Json, json};
+use tokio::sync::{Semaphore, mpsc, watch};
+
+use crate::server::Links;
+use crate::token::Token;
+use crate::wheel::{Turn, Wheel};
+
+/// Most connections.
+const CONNECTIONS: usize = 8;
+/// Words that wait for a connection; more are let go.
+const WORDS: usize = 64;
+/// Notes that are kept for those who come later.
+const NOTES: usize = 50;
+
+/// What is said to one connection beside frames.
+#[derive(Debug, Clone)]
+pub(crate) enum Word {
+    /// Something to read.
+    Text(Json),
+    /// A file to keep.
+    File(Arc<File>),
+}
+
+/// What somebody may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Role {
+    Driver,
+    Watcher,
+}
+
+/// What all connections share.
+pub(crate) struct Hub {
+    driver: Token,
+    watcher: Token,
+    pub(crate) places: Arc<Semaphore>,
+    frames: watch::Sender<Option<Arc<Frame>>>,
+    /// Who drives.
+    driving: watch::Sender<Option<Client>>,
+    pub(crate) failed: watch::Sender<Option<Arc<ivd_frames::Error>>>,
+    wheel: Mutex<Wheel>,
+    words: Mutex<BTreeMap<Client, mpsc::Sender<Word>>>,
+    notes: Mutex<Vec<String>>,
+    next: AtomicU64,
+    service: Mutex<Option<Service>>,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Hub {
+    pub(crate) fn new(driver: Token, watcher: Token) -> Arc<Self> {
+        Arc::new(Self {
+            driver,
+            watcher,
+            places: Arc::new(Semaphore::new(CONNECTIONS)),
+            frames: watch::Sender::new(None),
+            driving: watch::Sender::new(None),
+            failed: watch::Sender::new(None),
+            wheel: Mutex::default(),
+            words: Mutex::default(),
+            notes: Mutex::default(),
+            next: AtomicU64::new(1),
+            service: Mutex::default(),
+        })
+    }
+
+    /// The links to the page at an address.
+    pub(crate) fn links(&self, address: &str) -> Links {
+        Links {
+            drive: format!("{address}#{}", self.driver.text()),
+            watch: format!("{address}#{}", self.watcher.text()),
+        }
+    }
+
+    /// The service that is asked from now on.
+    pub(crate) fn set_service(&self, service: Option<Service>) {
+        let before = std::mem::replace(&mut *locked(&self.service), service);
+        drop(before);
+    }
+
+    /// Takes what the service gives, on its thread.
+    pub(crate) fn take(&self, output: Output) {
+        match output {
+            Output::Note(text) => self.note(text),
+            Output::Frame(frame) => {
+                // Made here once, and not by each connection.
+                frame.pictures.iter().for_each(|picture| _ = picture.png());
+                _ = self.frames.send_replace(Some(frame));
+            }
+            Output::File(client, file) => self.say(client, Word::File(file)),
+            Output::Problem(client, text) => self.say(client, problem(&text)),
+            Output::Failed(error) => _ = self.failed.send_replace(Some(error)),
+        }
+    }
+
+    /// Tells everybody something, also those who come later.
+    pub(crate) fn note(&self, text: String) {
+        let word = Word::Text(json!({ "kind": "note", "text": text }));
+        let mut notes = locked(&self.notes);
+        notes.push(text);
+        let over = notes.len().saturating_sub(NOTES);
+        notes.drain(..over);
+        drop(notes);
+        locked(&self.words).values().for_each(|words| _ = words.try_send(word.clone()));
+    }
+
+    pub(crate) fn say(&self, client: Client, word: Word) {
+        if let Some(words) = locked(&self.words).get(&client) {
+            let _ = words.try_send(word);
+        }
+    }
+
+    /// Who somebody is by their token.
+    pub(crate) fn role(&self, token: &str) -> Option<Role> {
+        // Both are looked at, whichever it is.
+        match (self.driver.is(token), self.watcher.is(token)) {
+            (true, _) => Some(Role::Driver),
+            (_, true) => Some(Role::Watcher),
+            _ => None,
+        }
+    }
+
+    /// A place for somebody who has said who they are.
+    pub(crate) fn enter(&self) -> (Client, mpsc::Receiver<Word>) {
+        let client = self.next.fetch_add(1, Ordering::Relaxed);
+        let (sender, receiver) = mpsc::channel(WORDS);
+        for text in locked(&self.notes).iter() {
+            let _ = sender.try_send(Word::Text(json!({ "kind": "note", "text": text })));
+        }
+        locked(&self.words).insert(client, sender);
+        (client, receiver)
+    }
+
+    /// Somebody is gone; what they held is abandoned.
+    pub(crate) fn leave(&self, client: Client) {
+        locked(&self.words).remove(&client);
+        self.let_go(client);
+    }
+
+    pub(crate) fn frames(&self) -> watch::Receiver<Option<Arc<Frame>>> {
+        let mut frames = self.frames.subscribe();
+        frames.mark_changed();
+        frames
+    }
+
+    pub(crate) fn driving(&self) -> watch::Receiver<Option<Client>> {
+        let mut driving = self.driving.subscribe();
+        driving.mark_changed();
+        driving
+    }
+
+    /// Whether somebody drives, after they wish to.
+    pub(crate) fn drives(&self, client: Client, asks: bool) -> bool {
+        let turn = locked(&self.wheel).turn(client, asks, Instant::now());
+        if let Turn::Took { from_another } = turn {
+            if from_another {
+                self.ask(client, Request::Abandon);
+            }
+            self.driving.send_replace(Some(client));
+        }
+        turn != Turn::Refused
+    }
+
+    /// Somebody lets go of the wheel, if they have it.
+    pub(crate) fn let_go(&self, client: Client) {
+        if locked(&self.wheel).let_go(client) {
+            self.ask(client, Request::Abandon);
+            self.driving.send_replace(locked(&self.wheel).driver());
+        }
+    }
+
+    /// Asks the service.
+    pub(crate) fn ask(&self, client: Client, request: Request) {
+        let asked = locked(&self.service).as_ref().map(|service| service.ask(client, request));
+        if asked == Some(false) {
+            self.say(client, problem("too much at once: wait for what was asked before"));
+        }
+    }
+}
+
+/// Tells somebody why something wasn't done.
+pub(crate) fn problem(text: &str) -> Word {
+    Word::Text(json!({ "kind": "problem", "text": text }))
+}

@@ -1,0 +1,24 @@
+//! The page: three files that are part of the program.
+
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+
+const HTML: &str = include_str!("page/index.html");
+const SCRIPT: &str = include_str!("page/page.js");
+const STYLE: &str = include_str!("page/page.css");
+
+fn file(kind: &'static str, text: &'static str) -> Response {
+    ([(header::CONTENT_TYPE, kind)], text).into_response()
+}
+
+pub(crate) async fn html() -> Response {
+    file("text/html; charset=utf-8", HTML)
+}
+
+pub(crate) async fn script() -> Response {
+    file("text/javascript; charset=utf-8", SCRIPT)
+}
+
+pub(crate) async fn style() -> Response {
+    file("text/css; charset=utf-8", STYLE)
+}

@@ -1,0 +1,394 @@
+// The page: shows frames, sends what hands do. Everything that is computed is computed by the server.
+const $ = (id) => document.getElementById(id);
+const panes = ["volume", "axial", "coronal", "sagittal"];
+const pictures = {}; // of each pane: a bitmap
+let figures = null, drives = false, mayDrive = false, socket = null, lock = null, press = null, wanted = null;
+
+const send = (request) => {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
+};
+const tool = () => document.querySelector("input[name=tool]:checked").value;
+
+// ---------------------------------------------------------------- the connection
+function connect() {
+  const token = location.hash.slice(1);
+  socket = new WebSocket(`ws://${location.host}/socket`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => socket.send(JSON.stringify({ token }));
+  socket.onmessage = ({ data }) => (typeof data === "string" ? heard(JSON.parse(data)) : received(data));
+  socket.onclose = () => { status("The connection is gone: is ivd serve still running? Reload the page to try again."); };
+}
+
+function heard(word) {
+  switch (word.kind) {
+    case "hello":
+      mayDrive = word.may_drive;
+      if (mayDrive) { send({ do: "take" }); resized(); }
+      break;
+    case "note": {
+      const item = document.createElement("li");
+      item.textContent = word.text;
+      $("notes").append(item);
+      if (!figures) status(word.text);
+      break;
+    }
+    case "wheel":
+      drives = word.drives;
+      $("driving").textContent = drives ? "you drive" : mayDrive ? (word.free ? "free" : "somebody else drives") : "you watch";
+      $("take").disabled = drives || !mayDrive;
+      $("hand").disabled = !drives;
+      if (drives) resized();
+      break;
+    default: complain(word.text);
+  }
+}
+
+async function received(data) {
+  const length = new DataView(data).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  let at = 4 + length;
+  if (head.kind === "file") {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([new Uint8Array(data, at, head.bytes)]));
+    link.download = head.name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    return;
+  }
+  const made = head.pictures.map((picture) => {
+    const bytes = new Uint8Array(data, at, picture.bytes);
+    at += picture.bytes;
+    return createImageBitmap(new Blob([bytes], { type: "image/png" })).then((bitmap) => ({ ...picture, bitmap }));
+  });
+  for (const picture of await Promise.all(made)) {
+    const before = pictures[picture.pane];
+    // Bitmaps are made side by side: an older one may come last.
+    if (before && before.frame > head.number) { picture.bitmap.close(); continue; }
+    before?.bitmap.close();
+    pictures[picture.pane] = { ...picture, frame: head.number };
+  }
+  if (!figures || head.number >= figures.number) figures = { ...head.figures, number: head.number };
+  document.body.dataset.frame = figures.number;
+  draw();
+  tell();
+}
+
+// ---------------------------------------------------------------- what is said
+const status = (text) => { $("status").textContent = text; };
+let complaint = 0;
+function complain(text) {
+  $("problem").textContent = text;
+  $("problem").hidden = false;
+  clearTimeout(complaint);
+  complaint = setTimeout(() => { $("problem").hidden = true; }, 8000);
+}
+const few = (x, digits = 2) => (x == null ? "–" : Number(x).toFixed(digits));
+const milli = (s) => `${Math.round(1000 * s)} ms`;
+
+function tell() {
+  const f = figures, [solve, map, warp] = f.times;
+  const parts = [`largest motion ${few(f.largest_mm)} mm`, `det J ≥ ${few(f.min_det_j, 3)}`, `${f.vertices} vertices at level ${f.level}`,
+    `lattice ${milli(solve)}, map ${milli(map)}, voxels ${milli(warp)}, picture ${milli(f.draw_s)}`];
+  const h = f.hovered;
+  if (h) parts.push(`${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm`);
+  status(parts.join(" · "));
+  if (f.refused) complain(`${f.refused.ahead_mm > 0 ? `The hand is ${few(f.refused.ahead_mm, 1)} mm ahead: ` : ""}${f.refused.why}`);
+  $("undo").disabled = !f.undo; $("undo").title = f.undo ? `Undo: ${f.undo}` : "";
+  $("redo").disabled = !f.redo; $("redo").title = f.redo ? `Redo: ${f.redo}` : "";
+  for (const key of ["radius", "stiffness", "level", "map"]) {
+    if (document.activeElement !== $(key)) $(key).value = key === "radius" ? Number(f[key].toPrecision(4)) : f[key];
+  }
+  listHandles();
+}
+
+function listHandles() {
+  const body = $("handles"), there = new Set(figures.handles.map((one) => `handle-${one.id}`));
+  for (const row of [...body.children]) if (!there.has(row.id)) row.remove();
+  for (const one of figures.handles) {
+    let row = $(`handle-${one.id}`);
+    if (!row) {
+      row = document.createElement("tr");
+      row.id = `handle-${one.id}`;
+      row.append(Object.assign(document.createElement("td"), { textContent: one.id }));
+      for (const axis of ["x", "y", "z"]) {
+        const input = Object.assign(document.createElement("input"), { type: "number", step: "any" });
+        input.setAttribute("aria-label", `Handle ${one.id}: ${axis}, mm from rest`);
+        input.addEventListener("change", () => {
+          const by = [...row.querySelectorAll("input")].map((field) => Number(field.value));
+          send({ do: "move", handle: one.id, by });
+        });
+        const cell = document.createElement("td");
+        cell.append(input);
+        row.append(cell);
+      }
+      const remove = Object.assign(document.createElement("button"), { textContent: "×" });
+      remove.setAttribute("aria-label", `Remove handle ${one.id}`);
+      remove.addEventListener("click", () => send({ do: "remove", handle: one.id }));
+      const cell = document.createElement("td");
+      cell.append(remove);
+      row.append(cell);
+      body.append(row);
+    }
+    row.className = figures.held === one.id ? "held" : "";
+    row.querySelectorAll("input").forEach((field, a) => {
+      if (document.activeElement !== field) field.value = Number(one.by[a].toFixed(3));
+    });
+  }
+  $("pins").replaceChildren(...figures.pins.map((pin) => {
+    const item = document.createElement("li");
+    const release = Object.assign(document.createElement("button"), { textContent: "×" });
+    release.setAttribute("aria-label", `Release pin ${pin.id}`);
+    release.addEventListener("click", () => send({ do: "release", fix: pin.id }));
+    item.append(`pin ${pin.id}: ${few(pin.radius, 1)} mm about ${pin.rest.map((c) => few(c, 1)).join(", ")} `, release);
+    return item;
+  }));
+}
+
+// ---------------------------------------------------------------- pictures
+// Where the picture lies in a canvas: x, y, width, height, in pixels of the canvas.
+function room(name, canvas) {
+  if (name === "volume" || !figures) {
+    const [w, h] = figures?.size ?? [1, 1];
+    return fitted(canvas, w / h);
+  }
+  const slice = figures.slices.find((one) => one.pane === name);
+  return fitted(canvas, slice.extent_mm[0] / slice.extent_mm[1]);
+}
+function fitted(canvas, ratio) {
+  const width = Math.min(canvas.width, canvas.height * ratio), height = width / ratio;
+  return [(canvas.width - width) / 2, (canvas.height - height) / 2, width, height];
+}
+// As sharp as the screen, but not beyond what is drawn.
+function sized(canvas) {
+  const scale = Math.min(devicePixelRatio || 1, 2);
+  const [w, h] = [canvas.clientWidth, canvas.clientHeight].map((n) => Math.max(1, Math.round(n * scale)));
+  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+}
+
+function draw() {
+  panes.forEach((name, number) => {
+    const canvas = $(name), context = canvas.getContext("2d"), picture = pictures[name];
+    sized(canvas);
+    context.fillStyle = "#000";
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    if (!picture || !figures) return;
+    const [x, y, w, h] = room(name, canvas);
+    context.imageSmoothingEnabled = true;
+    context.imageSmoothingQuality = "high";
+    context.drawImage(picture.bitmap, x, y, w, h);
+    const place = (at) => at && [x + at[0] * w, y + at[1] * h];
+    const mm = name === "volume" ? figures.width_mm : figures.slices[number - 1].extent_mm[0];
+    over(context, name, number, place, w / mm, canvas);
+  });
+}
+
+function over(context, name, number, place, scale, canvas) {
+  const unit = canvas.width / canvas.clientWidth || 1;
+  context.lineWidth = unit;
+  context.font = `${12 * unit}px system-ui, sans-serif`;
+  const cross = place(figures.cross_at[number]);
+  if (cross && name !== "volume") {
+    context.strokeStyle = "#5fd0a0aa";
+    context.beginPath();
+    context.moveTo(0, cross[1]); context.lineTo(canvas.width, cross[1]);
+    context.moveTo(cross[0], 0); context.lineTo(cross[0], canvas.height);
+    context.stroke();
+  }
+  const ring = (at, radius, colour, width = 1) => {
+    context.strokeStyle = colour; context.lineWidth = width * unit;
+    context.beginPath(); context.arc(at[0], at[1], Math.max(radius, 1), 0, 7); context.stroke();
+  };
+  for (const pin of figures.pins) {
+    const at = place(pin.at[number]);
+    if (at) { ring(at, 5 * unit, "#6cb6ff", 2); ring(at, pin.radius * scale, "#6cb6ff55"); }
+  }
+  for (const one of figures.handles) {
+    const at = place(one.at[number]);
+    if (!at) continue;
+    const held = figures.held === one.id || figures.hovered?.handle === one.id;
+    ring(at, 6 * unit, held ? "#ffd479" : "#ffb454", held ? 3 : 2);
+    if (held) ring(at, one.radius * scale, "#ffb45488");
+    context.fillStyle = "#ffb454";
+    context.fillText(one.id, at[0] + 8 * unit, at[1] - 8 * unit);
+  }
+  const hovered = figures.hovered;
+  if (hovered && figures.held == null && tool() === "handle" && hovered.vertex) {
+    const at = place(hovered.at[number]);
+    if (at) { ring(at, 3 * unit, "#fff"); ring(at, figures.radius * scale, "#ffffff55"); }
+  }
+  context.fillStyle = "#dde";
+  const letters = name === "volume" ? figures.letters : figures.slices[number - 1].letters;
+  if (letters) {
+    const [left, right, top, bottom] = letters;
+    context.textBaseline = "middle";
+    context.fillText(left, 4 * unit, canvas.height / 2);
+    context.fillText(right, canvas.width - 14 * unit, canvas.height / 2);
+    context.fillText(top, canvas.width / 2, 10 * unit);
+    context.fillText(bottom, canvas.width / 2, canvas.height - 10 * unit);
+    context.textBaseline = "alphabetic";
+  }
+  if (name !== "volume") {
+    const slice = figures.slices[number - 1];
+    context.fillText(`${slice.slice + 1} / ${slice.slices}`, 6 * unit, canvas.height - 8 * unit);
+  }
+  // A bar of a round length.
+  const most = (0.25 * canvas.width) / scale, power = 10 ** Math.floor(Math.log10(most));
+  const length = [5, 2, 1].map((n) => n * power).find((n) => n <= most) ?? power;
+  const end = canvas.width - 10 * unit, line = canvas.height - 10 * unit;
+  context.fillRect(end - length * scale, line, length * scale, 2 * unit);
+  const label = `${Number(length.toPrecision(1))} mm`;
+  context.fillText(label, end - context.measureText(label).width, line - 4 * unit);
+}
+
+let resizing = 0;
+function resized() {
+  draw();
+  clearTimeout(resizing);
+  resizing = setTimeout(() => {
+    const { width, height } = $("volume");
+    // A picture of half a million pixels is drawn soon enough; more are left to the screen.
+    const scale = Math.min(1, Math.sqrt(512 * 512 / (width * height)));
+    const size = [width, height].map((n) => Math.min(2048, Math.max(32, Math.round(n * scale))));
+    if (drives) send({ do: "resize", size });
+  }, 150);
+}
+addEventListener("resize", resized);
+
+// ---------------------------------------------------------------- hands
+// The place of a pointer as shares of the picture, the same pane's however far the pointer goes.
+function share(event, name) {
+  const canvas = $(name), box = canvas.getBoundingClientRect(), [x, y, w, h] = room(name, canvas);
+  const scale = canvas.width / box.width;
+  return [((event.clientX - box.left) * scale - x) / w, ((event.clientY - box.top) * scale - y) / h];
+}
+// What is wanted by the next picture of the screen; of many moves the last.
+function flush() {
+  const all = wanted ?? [];
+  wanted = null;
+  all.forEach(send);
+}
+// What ends something doesn't wait: a page that isn't seen has no next picture.
+function now(request) { flush(); send(request); }
+function soon(request, merge) {
+  if (!wanted) requestAnimationFrame(flush);
+  wanted ??= [];
+  const last = wanted.at(-1);
+  if (last && last.do === request.do && merge) merge(last, request); else wanted.push(request);
+}
+const sum = (last, next) => { last.by = last.by.map((c, a) => c + next.by[a]); };
+const newest = (last, next) => Object.assign(last, next);
+
+for (const name of panes) {
+  const canvas = $(name);
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  canvas.addEventListener("pointerdown", (event) => {
+    if (!drives || !figures) { if (mayDrive && !drives) send({ do: "take" }); return; }
+    canvas.focus();
+    canvas.setPointerCapture(event.pointerId);
+    const at = share(event, name);
+    let does = event.button === 1 || (event.button === 0 && event.shiftKey) ? "pan" : event.button === 2 ? "zoom" : tool();
+    if (does === "turn" && name !== "volume") does = "cross";
+    press = { name, does, at, first: at, pointer: event.pointerId };
+    if (does === "handle") now({ do: "grab", pane: name, at });
+    if (does === "pin") now({ do: "pin", pane: name, at });
+    if (does === "cross") now({ do: "cross", pane: name, at });
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!drives || !figures) return;
+    const at = share(event, name);
+    if (!press) {
+      if (at.every((c) => c >= 0 && c <= 1)) soon({ do: "hover", pane: name, at }, newest);
+      return;
+    }
+    const by = at.map((c, a) => c - press.at[a]);
+    press.at = at;
+    const within = at.map((c) => Math.min(2, Math.max(-1, c)));
+    switch (press.does) {
+      case "turn": return soon({ do: "orbit", by }, sum);
+      case "pan": return name === "volume" && soon({ do: "pan", by }, sum);
+      case "zoom": return name === "volume" && soon({ do: "zoom", factor: Math.exp(-3 * by[1]), at: press.first });
+      case "cross": return soon({ do: "cross", pane: name, at: within }, newest);
+      case "window": return soon({ do: name === "volume" ? "transfer" : "window", by }, sum);
+      case "handle": return soon({ do: "drag", to: within, lock }, newest);
+    }
+  });
+  const released = () => {
+    if (press?.does === "handle") now({ do: "drop" });
+    press = null; lock = null;
+  };
+  canvas.addEventListener("pointerup", released);
+  canvas.addEventListener("pointercancel", () => { if (press?.does === "handle") now({ do: "abandon" }); press = null; });
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    if (!drives || !figures) return;
+    const steps = Math.sign(event.deltaY);
+    const at = share(event, name);
+    if (press?.does === "handle" || (tool() === "handle" && figures.hovered?.handle != null)) return soon({ do: "wheel", steps: -steps });
+    if (name === "volume") return soon({ do: "zoom", factor: 1.15 ** -steps, at });
+    soon({ do: "slice", pane: name, steps: -steps });
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (!ways) return;
+    event.preventDefault();
+    if (name === "volume") soon({ do: "orbit", by: ways.map((c) => c / 36) }, sum);
+    else soon({ do: "slice", pane: name, steps: ways[0] - ways[1] });
+  });
+}
+
+addEventListener("keydown", (event) => {
+  const typing = /INPUT|SELECT/.test(document.activeElement?.tagName ?? "") && document.activeElement.type !== "radio";
+  if (event.key === "Escape") {
+    if (press?.does === "handle") { wanted = wanted?.filter((one) => one.do !== "drag") ?? null; now({ do: "abandon" }); }
+    press = null;
+    return;
+  }
+  const key = event.key.toLowerCase();
+  if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
+    if (typing) return;
+    event.preventDefault();
+    now({ do: event.shiftKey || key === "y" ? "redo" : "undo" });
+    return;
+  }
+  if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (press?.does === "handle" && "xyz".includes(key)) { lock = lock === key ? null : key; return; }
+  const tools = { t: "turn", h: "handle", p: "pin", b: "window" };
+  if (tools[key]) document.querySelector(`input[name=tool][value=${tools[key]}]`).checked = true;
+  const sides = { 1: "front", 3: "left", 7: "top" };
+  if (sides[key]) now({ do: "look", side: sides[key] });
+  if (key === "0") now({ do: "reset_view" });
+  if (event.key === "?") $("help").click();
+  draw();
+});
+
+// ---------------------------------------------------------------- buttons and fields
+const clicks = { undo: { do: "undo" }, redo: { do: "redo" }, reset: { do: "reset" }, home: { do: "reset_view" }, colours: { do: "reset_colours" },
+  take: { do: "take" }, hand: { do: "hand_over" } };
+for (const [id, request] of Object.entries(clicks)) $(id).addEventListener("click", () => send(request));
+$("help").addEventListener("click", () => {
+  $("keys").hidden = !$("keys").hidden;
+  $("help").setAttribute("aria-expanded", String(!$("keys").hidden));
+});
+$("tools").addEventListener("change", draw);
+const number = (id, request) => $(id).addEventListener("change", () => {
+  const value = Number($(id).value);
+  if ($(id).value !== "" && Number.isFinite(value)) send(request(value));
+});
+number("radius", (radius) => ({ do: "radius", handle: figures?.held ?? null, radius }));
+number("stiffness", (stiffness) => ({ do: "stiffness", stiffness }));
+number("level", (level) => ({ do: "level", level: Math.min(255, Math.max(0, Math.round(level))) }));
+$("map").addEventListener("change", () => send({ do: "map", map: $("map").value }));
+const chosen = (id, request) => $(id).addEventListener("change", () => {
+  if ($(id).value) send(request($(id).value));
+  $(id).value = "";
+});
+chosen("side", (side) => ({ do: "look", side }));
+chosen("save", (what) => ({ do: "save", what }));
+$("new").addEventListener("submit", (event) => {
+  event.preventDefault();
+  const place = $("place").value.split(",").map(Number);
+  if (place.length !== 3 || !place.every(Number.isFinite)) return complain("A place is three numbers, x, y, z, in mm.");
+  send({ do: "add", place, by: [0, 0, 0] });
+});
+
+connect();

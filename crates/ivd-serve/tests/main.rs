@@ -1,0 +1,2 @@
+//! A page, and who may use it.
+mod page;
