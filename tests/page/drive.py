@@ -290,4 +290,5 @@ def work(browser, links, program, folder, pictures):
     check(not wrong, f"nothing goes wrong in the page {wrong or ''}")
 
 
-main()
+if __name__ == "__main__":
+    main()

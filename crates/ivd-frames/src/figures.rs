@@ -20,6 +20,8 @@ pub struct Spot {
     pub radius: f64,
     /// Where each pane shows it, as shares.
     pub at: [Option<[f64; 2]>; 4],
+    /// How many slices it lies before or behind each slice.
+    pub off: [f64; 3],
 }
 
 /// What lies under the pointer.

@@ -133,6 +133,12 @@ impl Panes {
         })
     }
 
+    /// How many slices a place lies before or behind each slice.
+    pub(crate) fn off(&self, grid: &Grid, place: [f64; 3]) -> [f64; 3] {
+        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+        self.planes.map(|plane| voxel[plane.cut()] - self.slice(&plane, grid.dims()) as f64)
+    }
+
     /// What a pane's width and height are at a place.
     pub(crate) fn across(&self, pane: Pane, grid: &Grid, lens: &Lens, place: [f64; 3]) -> Across {
         match self.plane(pane) {

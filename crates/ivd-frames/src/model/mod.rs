@@ -491,7 +491,7 @@ impl Model {
         let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
             let by = moved.map_or([0.0; 3], |frame| frame.displacement[pick.vertex]);
             let now = std::array::from_fn(|a| pick.at[a] + by[a]);
-            Spot { id: one.id, rest: pick.at, now, by, radius: one.radius, at: [None; 4] }
+            Spot { id: one.id, rest: pick.at, now, by, radius: one.radius, at: [None; 4], off: [0.0; 3] }
         });
         let spots = spots.collect();
         let picks = find_picks(lattice, "fixed vertex", settings.fixed.iter().map(|one| &one.at))?;
@@ -502,6 +502,7 @@ impl Model {
             by: [0.0; 3],
             radius: one.radius,
             at: [None; 4],
+            off: [0.0; 3],
         });
         (self.pins, self.spots) = (pins.collect(), spots);
         self.place_spots();
@@ -513,6 +514,7 @@ impl Model {
         let grid = self.session.rest().grid();
         for spot in self.spots.iter_mut().chain(&mut self.pins) {
             spot.at = self.panes.shares(grid, &self.lens, spot.now);
+            spot.off = self.panes.off(grid, spot.now);
         }
     }
 

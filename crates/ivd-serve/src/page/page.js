@@ -198,19 +198,24 @@ function over(context, name, number, place, scale, canvas) {
     context.strokeStyle = colour; context.lineWidth = width * unit;
     context.beginPath(); context.arc(at[0], at[1], Math.max(radius, 1), 0, 7); context.stroke();
   };
+  // What doesn't lie in a slice is faint there.
+  const near = (spot) => { context.globalAlpha = number && Math.abs(spot.off[number - 1]) > 2 ? 0.3 : 1; };
   for (const pin of figures.pins) {
     const at = place(pin.at[number]);
+    near(pin);
     if (at) { ring(at, 5 * unit, "#6cb6ff", 2); ring(at, pin.radius * scale, "#6cb6ff55"); }
   }
   for (const one of figures.handles) {
     const at = place(one.at[number]);
     if (!at) continue;
+    near(one);
     const held = figures.held === one.id || figures.hovered?.handle === one.id;
     ring(at, 6 * unit, held ? "#ffd479" : "#ffb454", held ? 3 : 2);
     if (held) ring(at, one.radius * scale, "#ffb45488");
     context.fillStyle = "#ffb454";
     context.fillText(one.id, at[0] + 8 * unit, at[1] - 8 * unit);
   }
+  context.globalAlpha = 1;
   const hovered = figures.hovered;
   if (hovered && figures.held == null && tool() === "handle" && hovered.vertex) {
     const at = place(hovered.at[number]);
