@@ -88,6 +88,8 @@ pub struct Figures {
     pub pins: Vec<Spot>,
     /// The handle that is held.
     pub held: Option<u32>,
+    /// Along which pane the volume's picture is cut open.
+    pub cut: Option<Pane>,
     /// Where the slices meet (mm, RAS).
     pub cross: [f64; 3],
     /// The value there.

@@ -1,7 +1,7 @@
 //! Where places lie in the panes, and what panes show where.
 
 use ivd_core::{Exec, Grid, Image, TransferFunction, Volume, VoxelCoord, VoxelIndex, World};
-use ivd_render::{Fit, Lens, Prepared, RenderParams, Scene, View};
+use ivd_render::{Clip, Fit, Lens, Prepared, RenderParams, Scene, View};
 use ivd_report::{Plane, planes};
 use nalgebra::Vector3;
 
@@ -22,6 +22,8 @@ pub(crate) struct Panes {
     picture: RenderParams,
     /// The voxel that the slices meet in (voxel coordinates).
     pub(crate) cross: [f64; 3],
+    /// Along which pane the volume's picture is cut open there.
+    pub(crate) cut: Option<Pane>,
 }
 
 /// A pane about a place, as directions and lengths of the world.
@@ -50,6 +52,7 @@ impl Panes {
             first: picture.view,
             picture,
             cross: grid.dims().map(|n| (n / 2) as f64),
+            cut: None,
         };
         // What fits at first stays so: a camera that follows what is seen would move while that is deformed.
         let seen = panes.prepared(volume, transfer, size, false, exec)?.lens(panes.view)?;
@@ -72,8 +75,26 @@ impl Panes {
         exec: &Exec,
     ) -> Result<Prepared<'a>, Error> {
         let step = self.picture.step * if coarse { COARSE_STEP } else { 1.0 };
-        let params = RenderParams { size, step, view: self.view, ..self.picture.clone() };
+        let mut params = RenderParams { size, step, view: self.view, ..self.picture.clone() };
+        params.clip.extend(self.clip(volume.grid()));
         Ok(Prepared::new(&Scene { transfer, ..Scene::new(volume) }, &params, exec)?)
+    }
+
+    /// What is left of the volume's picture where it is cut open: the side away from the viewer.
+    fn clip(&self, grid: &Grid) -> Option<Clip> {
+        let [azimuth, elevation] = self.view.angles.map(f64::to_radians);
+        let towards_eye =
+            Vector3::new(-azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin());
+        let normal = match self.plane(self.cut?) {
+            None => -towards_eye,
+            Some(plane) => {
+                let [right, down] = plane.ways(grid).map(Vector3::from);
+                let across = right.cross(&down);
+                across * -across.dot(&towards_eye).signum()
+            }
+        };
+        let point = grid.world(VoxelCoord(self.cross.into())).0;
+        Some(Clip::plane(point.into(), normal.into()))
     }
 
     /// The volume's picture; `coarser`: by how many its sides are divided.

@@ -134,6 +134,13 @@ pub enum Request {
         /// Where.
         at: [f64; 2],
     },
+    /// Cuts the volume's picture open where the slices meet: along the slice of a pane, or square to the line of sight for the volume's own. What lies on the
+    /// viewer's side isn't drawn.
+    Cut {
+        /// Along which; `None` for the whole volume.
+        #[serde(default)]
+        along: Option<Pane>,
+    },
     /// Asks what lies there.
     Hover {
         /// In which pane.
@@ -295,6 +302,7 @@ impl Request {
                 | Self::ResetColours
                 | Self::Slice { .. }
                 | Self::Cross { .. }
+                | Self::Cut { .. }
                 | Self::Hover { .. }
                 | Self::Save { .. }
         )

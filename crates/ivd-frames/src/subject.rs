@@ -11,7 +11,10 @@ use ivd_motion::deform::{Asked, DynamicsMethod, ProjectiveMethod, RingMethod, Xp
 use ivd_pipeline::plan::{NodeId, Plan};
 use ivd_pipeline::scene::{Loaded, OutputSection, Override, Picture, Scene, parse};
 use ivd_pipeline::{PipelineOptions, Runner, StageResult, run_node};
-use ivd_render::{DvrParams, IsoParams, MipParams, Mode, RenderParams};
+use ivd_render::{
+    AttenuatedMipParams, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams, Mode,
+    RenderParams,
+};
 use ivd_session::{MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
 
@@ -187,15 +190,25 @@ fn drawn(scene: &Scene) -> Result<Drawn, Error> {
     if let Some(dvr) = scene.get::<DvrParams>(stage) {
         return Ok((Mode::Dvr, dvr.picture.clone(), Some(dvr.classes.clone())));
     }
-    if let Some(mip) = scene.get::<MipParams>(stage) {
-        return Ok((Mode::Mip, mip.picture.clone(), None));
-    }
-    match scene.get::<IsoParams>(stage) {
-        Some(IsoParams { iso: Some(value), picture }) => {
-            Ok((Mode::Iso { value: *value }, picture.clone(), None))
-        }
-        _ => Err(none("render.mode")),
-    }
+    let projected = None
+        .or_else(|| scene.get(stage).map(|MipParams { picture }| (Mode::Mip, picture)))
+        .or_else(|| scene.get(stage).map(|MinipParams { picture }| (Mode::Minip, picture)))
+        .or_else(|| scene.get(stage).map(|MeanParams { picture }| (Mode::Mean, picture)));
+    let drawn = projected
+        .or_else(|| {
+            let lmip = scene.get::<LmipParams>(stage)?;
+            Some((Mode::Lmip { threshold: lmip.threshold }, &lmip.picture))
+        })
+        .or_else(|| {
+            let dimmed = scene.get::<AttenuatedMipParams>(stage)?;
+            Some((Mode::AttenuatedMip { attenuation: dimmed.attenuation }, &dimmed.picture))
+        })
+        .or_else(|| {
+            let iso = scene.get::<IsoParams>(stage)?;
+            Some((Mode::Iso { value: iso.iso? }, &iso.picture))
+        });
+    let (mode, picture) = drawn.ok_or_else(|| none("render.mode"))?;
+    Ok((mode, picture.clone(), None))
 }
 
 /// What a scene asks to be moved, as a session takes it.

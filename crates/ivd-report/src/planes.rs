@@ -60,6 +60,15 @@ impl Plane {
         [self.right.axis, self.up.axis].map(|axis| grid.dims()[axis] as f64 * grid.spacing()[axis])
     }
 
+    /// Unit directions to the right and down in its pictures (RAS).
+    pub fn ways(&self, grid: &Grid) -> [[f64; 3]; 2] {
+        let way = |step: Step, sign: f64| {
+            let sign = if step.rises { sign } else { -sign };
+            grid.direction()[step.axis].map(|c| sign * c)
+        };
+        [way(self.right, 1.0), way(self.up, -1.0)]
+    }
+
     /// Where a place of the slice's picture lies in the grid (voxel coordinates): from 0, 0 at its top left corner to 1, 1 at its bottom right one.
     pub fn voxel(&self, dims: [usize; 3], at: f64, [across, down]: [f64; 2]) -> [f64; 3] {
         let along = |step: Step, share: f64| {

@@ -186,7 +186,7 @@ impl Model {
                 let place = self.panes.cross[plane.cut()].round() + f64::from(*steps);
                 self.panes.cross[plane.cut()] = place.clamp(0.0, last);
                 self.touch(&[*pane]);
-                Ok(())
+                self.moved_cross()
             }
             Request::Cross { pane, at } => {
                 if let Some(place) = self.look(*pane, *at)? {
@@ -202,7 +202,11 @@ impl Model {
                         .collect();
                     self.touch(&moved);
                 }
-                Ok(())
+                self.moved_cross()
+            }
+            Request::Cut { along } => {
+                self.panes.cut = *along;
+                self.moved_camera()
             }
             Request::Hover { pane, at } => {
                 self.hovered = self.hover(*pane, *at)?;
@@ -343,6 +347,11 @@ impl Model {
         self.lens = self.panes.lens(self.session.deformed(), self.transfer.as_ref(), &self.exec)?;
         self.touch(&[Pane::Volume]);
         Ok(())
+    }
+
+    /// The cut goes where the slices meet.
+    fn moved_cross(&mut self) -> Result<(), Error> {
+        if self.panes.cut.is_some() { self.moved_camera() } else { Ok(()) }
     }
 
     /// Lets go of what is held, as it is.

@@ -43,6 +43,7 @@ impl Figures {
             handles: model.spots.clone(),
             pins: model.pins.clone(),
             held: model.drag.map(|drag| drag.handle),
+            cut: panes.cut,
             cross,
             cross_value: nearest.map(|voxel| volume.value(voxel)).filter(|value| value.is_finite()),
             cross_at: panes.shares(grid, &model.lens, cross),

@@ -1,6 +1,6 @@
 //! What a hand does is where it is seen.
 
-use ivd_core::{VoxelCoord, VoxelIndex};
+use ivd_core::{Exec, VoxelCoord, VoxelIndex};
 use ivd_field::sampler::Sampler;
 use ivd_frames::{Axis, Figures, Model, Pane, Request};
 use nalgebra::Vector3;
@@ -105,11 +105,11 @@ fn panes_that_nothing_touches_stay_as_they_are() {
     // The upper slices lie off the handle's reach.
     follow(&mut model, Request::Slice { pane: Pane::Axial, steps: 14 });
     let (before, slices) =
-        (model.versions(), Pane::ALL.map(|pane| model.draw(pane, 1, &Default::default()).unwrap()));
+        (model.versions(), Pane::ALL.map(|pane| model.draw(pane, 1, &Exec::default()).unwrap()));
     follow(&mut model, Request::Grab { pane: Pane::Volume, at: [0.5, 0.6] });
     follow(&mut model, Request::Drag { to: [0.52, 0.62], lock: None });
     let after = model.versions();
-    let drawn = Pane::ALL.map(|pane| model.draw(pane, 1, &Default::default()).unwrap());
+    let drawn = Pane::ALL.map(|pane| model.draw(pane, 1, &Exec::default()).unwrap());
     for pane in Pane::ALL.map(Pane::number) {
         let changed = slices[pane] != drawn[pane];
         assert!(!changed || before[pane] < after[pane], "pane {pane} changed unsaid");
@@ -188,4 +188,33 @@ fn what_makes_no_sense_is_refused_and_changes_nothing() {
     }
     let many = model.follow(&Request::Pin { pane: Pane::Volume, at: [0.5; 2] }).unwrap_err();
     assert!(many.to_string().contains("there are 64"), "{many}");
+}
+
+#[test]
+fn a_cut_opens_the_volume_towards_whoever_looks() {
+    let mut model = model(BALL);
+    let whole = model.draw(Pane::Volume, 1, &Exec::default()).unwrap();
+    let depth = |model: &mut Model| {
+        let hovered = follow(model, Request::Hover { pane: Pane::Volume, at: [0.5, 0.5] }).hovered.unwrap();
+        hovered.place[1]
+    };
+    let surface = depth(&mut model);
+    // From the front: what is seen lies in the middle now, not on the ball's face.
+    for along in [Pane::Volume, Pane::Coronal] {
+        follow(&mut model, Request::Cut { along: Some(along) });
+        assert!((depth(&mut model) - 16.0).abs() < 0.5 && surface > 25.0, "{along:?}");
+        let opened = model.draw(Pane::Volume, 1, &Exec::default()).unwrap();
+        assert_ne!(opened, whole);
+        // It goes with the slices.
+        let deeper = follow(&mut model, Request::Slice { pane: Pane::Coronal, steps: -4 }).cross[1];
+        assert!((depth(&mut model) - deeper).abs() < 0.5);
+        follow(&mut model, Request::Slice { pane: Pane::Coronal, steps: 4 });
+    }
+    // From behind the other half goes.
+    follow(&mut model, Request::Cut { along: Some(Pane::Coronal) });
+    follow(&mut model, Request::Look { side: ivd_render::Side::Back });
+    assert!((depth(&mut model) - 16.0).abs() < 0.5);
+    follow(&mut model, Request::Cut { along: None });
+    follow(&mut model, Request::ResetView);
+    assert_eq!(model.draw(Pane::Volume, 1, &Exec::default()).unwrap(), whole);
 }

@@ -19,7 +19,7 @@ fn every() -> usize {
 }
 
 /// Verbs, by what they are called.
-const VERBS: [&str; 18] = [
+const VERBS: [&str; 19] = [
     "orbit",
     "pan",
     "zoom",
@@ -28,6 +28,7 @@ const VERBS: [&str; 18] = [
     "transfer",
     "slice",
     "cross",
+    "cut",
     "hover",
     "drag",
     "wheel",
@@ -75,6 +76,12 @@ fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
         "transfer" => vec![Request::Transfer { by: way(draw, 0.1) }, Request::ResetColours],
         "slice" => vec![Request::Slice { pane: slice, steps: draw.below(7) as i32 - 3 }],
         "cross" => vec![Request::Cross { pane: slice, at: place(draw) }],
+        "cut" => vec![
+            Request::Cut {
+                along: Some([Pane::Volume, Pane::Axial, Pane::Coronal, Pane::Sagittal][draw.below(4)]),
+            },
+            Request::Cut { along: None },
+        ],
         "hover" => vec![Request::Hover { pane, at: place(draw) }],
         "wheel" => vec![Request::Wheel { steps: draw.below(5) as i32 - 2 }],
         "pin" => vec![Request::Pin { pane: Pane::Volume, at: place(draw) }],

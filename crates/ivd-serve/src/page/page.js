@@ -98,6 +98,7 @@ function tell() {
   for (const key of ["radius", "stiffness", "level", "map"]) {
     if (document.activeElement !== $(key)) $(key).value = key === "radius" ? Number(f[key].toPrecision(4)) : f[key];
   }
+  if (document.activeElement !== $("cut")) $("cut").value = f.cut ?? "";
   listHandles();
 }
 
@@ -382,6 +383,7 @@ const number = (id, request) => $(id).addEventListener("change", () => {
 number("radius", (radius) => ({ do: "radius", handle: figures?.held ?? null, radius }));
 number("stiffness", (stiffness) => ({ do: "stiffness", stiffness }));
 number("level", (level) => ({ do: "level", level: Math.min(255, Math.max(0, Math.round(level))) }));
+$("cut").addEventListener("change", () => send({ do: "cut", along: $("cut").value || null }));
 $("map").addEventListener("change", () => send({ do: "map", map: $("map").value }));
 const chosen = (id, request) => $(id).addEventListener("change", () => {
   if ($(id).value) send(request($(id).value));
