@@ -33,6 +33,7 @@ const OTHERWISE: &[(&str, Otherwise, &str)] = &[
         With("--help"),
         "it takes half a minute, even of 8³ voxels; ivd-bench tests it",
     ),
+    ("ivd serve", With("--help"), "it runs until it is interrupted; tests/page drives it"),
     ("ivd bench --quick", With("--help"), "it takes two minutes"),
     ("ivd pipeline fixtures/scenes/mri_head.toml", With("--dry-run"), "tests/golden.py runs it in full"),
     ("ivd pipeline fixtures/scenes/bonsai.toml", With("--dry-run"), "tests/golden.py runs it in full"),
