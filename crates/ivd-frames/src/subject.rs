@@ -112,9 +112,7 @@ impl Subject {
         let lattice = lattice.ok_or_else(|| missing("a lattice"))?;
         let (mode, picture, looks) = drawn(&loaded.scene)?;
         let transfer = match (transfer, looks) {
-            (Some(transfer), Some(looks)) if !looks.is_empty() => {
-                Some(looks.of(&transfer).map_err(ivd_render::Error::from)?)
-            }
+            (Some(transfer), Some(looks)) if !looks.is_empty() => Some(looks.of(&transfer)?),
             (transfer, _) => transfer,
         };
         let mut scene = loaded.scene.clone();

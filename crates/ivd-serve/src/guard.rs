@@ -100,9 +100,11 @@ mod tests {
     fn origins_are_the_host_itself() {
         let own = |host: &[&str], origin: &[&str]| {
             let mut headers = HeaderMap::new();
-            host.iter()
-                .for_each(|host| _ = headers.append(header::HOST, HeaderValue::from_str(host).unwrap()));
-            origin.iter().for_each(|o| _ = headers.append(header::ORIGIN, HeaderValue::from_str(o).unwrap()));
+            for (name, values) in [(header::HOST, host), (header::ORIGIN, origin)] {
+                for value in values {
+                    headers.append(name.clone(), HeaderValue::from_str(value).unwrap());
+                }
+            }
             is_own(&headers, &Uri::from_static("/socket"))
         };
         assert!(own(&["localhost:81"], &["http://localhost:81"]));

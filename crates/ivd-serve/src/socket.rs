@@ -144,7 +144,9 @@ fn binary(head: &Json, parts: &[&[u8]]) -> Message {
     let mut bytes = Vec::with_capacity(4 + head.len() + parts.iter().map(|part| part.len()).sum::<usize>());
     bytes.extend((head.len() as u32).to_le_bytes());
     bytes.extend(head.as_bytes());
-    parts.iter().for_each(|part| bytes.extend(*part));
+    for part in parts {
+        bytes.extend(*part);
+    }
     Message::Binary(Bytes::from(bytes))
 }
 

@@ -130,9 +130,12 @@ impl Gesture {
     }
 }
 
+/// What is called with a line of the log.
+type Record = dyn FnMut(&Entry) + Send + Sync;
+
 /// Whoever writes the log.
 #[derive(Default)]
-pub(crate) struct Recorder(pub(crate) Option<Box<dyn FnMut(&Entry) + Send + Sync>>);
+pub(crate) struct Recorder(pub(crate) Option<Box<Record>>);
 
 impl Recorder {
     pub(crate) fn note(&mut self, entry: &Entry) {

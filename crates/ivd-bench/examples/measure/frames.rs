@@ -101,7 +101,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
 /// The next frame for which something holds.
 fn next(outputs: &Receiver<Output>, holds: impl Fn(&Frame) -> bool) -> Anything<std::sync::Arc<Frame>> {
     loop {
-        match outputs.recv_timeout(Duration::from_secs(120))? {
+        match outputs.recv_timeout(Duration::from_mins(2))? {
             Output::Frame(frame) if holds(&frame) => return Ok(frame),
             Output::Failed(error) => return Err(error.to_string().into()),
             _ => {}

@@ -27,7 +27,7 @@ pub(super) fn run(args: ServeArgs, context: &Context) -> anyhow::Result<()> {
             (Loaded { scene, folder: PathBuf::from("."), file: "demo.toml".into() }, false)
         }
         Some(file) if is_scene(file) => (scene::load(file, &args.overrides)?, false),
-        Some(file) => (bare_scene(file, &args.overrides).map_err(failed)?, true),
+        Some(file) => (bare_scene(file, &args.overrides).map_err(|error| failed(&error))?, true),
     };
     let place = args.socket.map_or(Place::Port(args.port), Place::Socket);
     let (cache, exec) = (context.pipeline_cache()?, context.exec.clone());
@@ -50,6 +50,6 @@ pub(super) fn run(args: ServeArgs, context: &Context) -> anyhow::Result<()> {
     served.map_err(|error| Failure::of(error.error_class(), error.to_string()))
 }
 
-fn failed(error: ivd_frames::Error) -> anyhow::Error {
+fn failed(error: &ivd_frames::Error) -> anyhow::Error {
     Failure::of(error.error_class(), error.to_string())
 }

@@ -285,13 +285,11 @@ impl Model {
         let exec = self.exec.clone().with_deadline(Instant::now() + MOST_WORK);
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(update),
-            Err(error) => match error.error_class() {
-                ErrorClass::Cancelled => Err(error.into()),
-                _ => {
-                    self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
-                    Ok(())
-                }
-            },
+            Err(error) if error.error_class() == ErrorClass::Cancelled => Err(error.into()),
+            Err(error) => {
+                self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
+                Ok(())
+            }
         }
     }
 
@@ -334,7 +332,9 @@ impl Model {
     }
 
     fn touch(&mut self, panes: &[Pane]) {
-        panes.iter().for_each(|pane| self.versions[pane.number()] += 1);
+        for pane in panes {
+            self.versions[pane.number()] += 1;
+        }
     }
 
     fn turn(&mut self, turned: Turned) {

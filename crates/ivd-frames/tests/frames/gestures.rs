@@ -7,8 +7,8 @@ use nalgebra::Vector3;
 
 use super::common::{BALL, model};
 
-fn follow(model: &mut Model, request: Request) -> Figures {
-    model.follow(&request).unwrap();
+fn follow(model: &mut Model, request: &Request) -> Figures {
+    model.follow(request).unwrap();
     model.figures()
 }
 
@@ -21,7 +21,7 @@ fn what_is_held_goes_with_the_pointer_and_is_one_step() {
     ] {
         let mut model = model(BALL);
         let rest = model.session().deformed().clone();
-        let grabbed = follow(&mut model, Request::Grab { pane, at });
+        let grabbed = follow(&mut model, &Request::Grab { pane, at });
         assert_eq!((grabbed.handles.len(), grabbed.held), (1, Some(0)), "{:?}", grabbed.refused);
         let before = grabbed.handles[0].at[pane.number()].unwrap();
         // The vertex is one of a coarse lattice: not quite where the pointer is.
@@ -36,15 +36,15 @@ fn what_is_held_goes_with_the_pointer_and_is_one_step() {
         let way = [0, 1].map(|a| (after[a] - before[a]) - (to[a] - at[a]));
         assert!(way[0].hypot(way[1]) < 1e-6, "{pane:?} off by {way:?}");
         assert!(model.session().deformed() != &rest);
-        let dropped = follow(&mut model, Request::Drop);
+        let dropped = follow(&mut model, &Request::Drop);
         assert_eq!((dropped.held, dropped.undo.as_deref()), (None, Some("drag a new handle")));
         // Taken hold of again, it goes on from where it is.
-        let again = follow(&mut model, Request::Grab { pane, at: after });
+        let again = follow(&mut model, &Request::Grab { pane, at: after });
         assert_eq!((again.handles.len(), again.held), (1, Some(0)));
-        follow(&mut model, Request::Drag { to: before, lock: None });
-        let abandoned = follow(&mut model, Request::Abandon);
+        follow(&mut model, &Request::Drag { to: before, lock: None });
+        let abandoned = follow(&mut model, &Request::Abandon);
         assert_eq!(abandoned.handles, dropped.handles);
-        let undone = follow(&mut model, Request::Undo);
+        let undone = follow(&mut model, &Request::Undo);
         assert!(undone.handles.is_empty() && undone.redo.is_some());
         assert_eq!(model.session().deformed(), &rest);
     }
@@ -53,8 +53,8 @@ fn what_is_held_goes_with_the_pointer_and_is_one_step() {
 #[test]
 fn a_lock_keeps_the_motion_to_an_axis_of_the_patient() {
     let mut model = model(BALL);
-    follow(&mut model, Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
-    let locked = follow(&mut model, Request::Drag { to: [0.53, 0.46], lock: Some(Axis::Z) });
+    follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    let locked = follow(&mut model, &Request::Drag { to: [0.53, 0.46], lock: Some(Axis::Z) });
     let by = locked.handles[0].by;
     assert!(by[0] == 0.0 && by[1] == 0.0 && by[2] > 0.5, "{by:?}");
 }
@@ -62,16 +62,16 @@ fn a_lock_keeps_the_motion_to_an_axis_of_the_patient() {
 #[test]
 fn a_refused_move_leaves_the_last_that_was_possible_and_says_how_far_the_hand_is() {
     let mut model = model(BALL);
-    follow(&mut model, Request::Radius { handle: None, radius: 4.0 });
-    follow(&mut model, Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
-    let good = follow(&mut model, Request::Drag { to: [0.51, 0.5], lock: None });
+    follow(&mut model, &Request::Radius { handle: None, radius: 4.0 });
+    follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    let good = follow(&mut model, &Request::Drag { to: [0.51, 0.5], lock: None });
     let there = model.session().deformed().clone();
     assert_eq!(good.refused, None);
-    let refused = follow(&mut model, Request::Drag { to: [1.4, 0.5], lock: None });
+    let refused = follow(&mut model, &Request::Drag { to: [1.4, 0.5], lock: None });
     let why = refused.refused.unwrap();
     assert!(why.ahead_mm > 10.0 && !why.why.is_empty(), "{why:?}");
     assert_eq!((model.session().deformed(), &refused.handles), (&there, &good.handles));
-    assert_eq!(follow(&mut model, Request::Drop).undo.as_deref(), Some("drag a new handle"));
+    assert_eq!(follow(&mut model, &Request::Drop).undo.as_deref(), Some("drag a new handle"));
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn places_go_back_through_the_deformation_to_where_they_were() {
     assert!(furthest > 1.0, "{furthest}");
     let hovered = {
         let mut model = model;
-        follow(&mut model, Request::Hover { pane: Pane::Axial, at: [0.5, 0.5] }).hovered.unwrap()
+        follow(&mut model, &Request::Hover { pane: Pane::Axial, at: [0.5, 0.5] }).hovered.unwrap()
     };
     assert!(hovered.vertex.is_some() && hovered.value.is_some());
     assert!(hovered.place[1] - hovered.rest[1] > 0.2, "{hovered:?}");
@@ -101,13 +101,13 @@ fn places_go_back_through_the_deformation_to_where_they_were() {
 #[test]
 fn panes_that_nothing_touches_stay_as_they_are() {
     let mut model = model(BALL);
-    follow(&mut model, Request::Radius { handle: None, radius: 5.0 });
+    follow(&mut model, &Request::Radius { handle: None, radius: 5.0 });
     // The upper slices lie off the handle's reach.
-    follow(&mut model, Request::Slice { pane: Pane::Axial, steps: 14 });
+    follow(&mut model, &Request::Slice { pane: Pane::Axial, steps: 14 });
     let (before, slices) =
         (model.versions(), Pane::ALL.map(|pane| model.draw(pane, 1, &Exec::default()).unwrap()));
-    follow(&mut model, Request::Grab { pane: Pane::Volume, at: [0.5, 0.6] });
-    follow(&mut model, Request::Drag { to: [0.52, 0.62], lock: None });
+    follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.6] });
+    follow(&mut model, &Request::Drag { to: [0.52, 0.62], lock: None });
     let after = model.versions();
     let drawn = Pane::ALL.map(|pane| model.draw(pane, 1, &Exec::default()).unwrap());
     for pane in Pane::ALL.map(Pane::number) {
@@ -123,27 +123,27 @@ fn the_camera_follows_the_hand() {
     let mut model = model(BALL);
     let first = model.figures();
     assert_eq!((first.angles, first.letters), ([0.0, 0.0], Some(["R", "L", "S", "I"])));
-    let turned = follow(&mut model, Request::Orbit { by: [0.25, 0.1] });
+    let turned = follow(&mut model, &Request::Orbit { by: [0.25, 0.1] });
     assert_eq!(turned.angles, [315.0, 18.0]);
-    follow(&mut model, Request::Look { side: ivd_render::Side::Front });
-    follow(&mut model, Request::Cross { pane: Pane::Axial, at: [0.7, 0.3] });
+    follow(&mut model, &Request::Look { side: ivd_render::Side::Front });
+    follow(&mut model, &Request::Cross { pane: Pane::Axial, at: [0.7, 0.3] });
     let seen = |figures: &Figures| figures.cross_at[0].unwrap();
     let before = model.figures();
-    let panned = follow(&mut model, Request::Pan { by: [0.05, -0.1] });
+    let panned = follow(&mut model, &Request::Pan { by: [0.05, -0.1] });
     let moved = [0, 1].map(|a| seen(&panned)[a] - seen(&before)[a]);
     assert!((moved[0] - 0.05).abs() < 1e-9 && (moved[1] + 0.1).abs() < 1e-9, "{moved:?}");
     let at = seen(&panned);
-    let zoomed = follow(&mut model, Request::Zoom { factor: 2.0, at });
+    let zoomed = follow(&mut model, &Request::Zoom { factor: 2.0, at });
     let off = [0, 1].map(|a| seen(&zoomed)[a] - at[a]);
     assert!(off[0].hypot(off[1]) < 1e-9 && (zoomed.width_mm * 2.0 - panned.width_mm).abs() < 1e-9, "{off:?}");
-    let reset = follow(&mut model, Request::ResetView);
+    let reset = follow(&mut model, &Request::ResetView);
     assert_eq!((reset.angles, reset.width_mm), (first.angles, first.width_mm));
 }
 
 #[test]
 fn the_crosshair_joins_the_slices() {
     let mut model = model(BALL);
-    let crossed = follow(&mut model, Request::Cross { pane: Pane::Coronal, at: [0.31, 0.77] });
+    let crossed = follow(&mut model, &Request::Cross { pane: Pane::Coronal, at: [0.31, 0.77] });
     let at = crossed.cross_at[Pane::Coronal.number()].unwrap();
     assert!((at[0] - 0.31).hypot(at[1] - 0.77) < 1e-9);
     let voxel = [0, 1, 2].map(|a| crossed.cross[a].round() as usize);
@@ -181,7 +181,7 @@ fn what_makes_no_sense_is_refused_and_changes_nothing() {
         Request::Stiffness { stiffness: -3.0 },
         Request::Add { place: [900.0; 3], by: [0.0; 3] },
     ] {
-        assert!(follow(&mut model, request.clone()).refused.is_some(), "{request:?}");
+        assert!(follow(&mut model, &request).refused.is_some(), "{request:?}");
     }
     for _ in 0..64 {
         model.follow(&Request::Pin { pane: Pane::Volume, at: [0.5; 2] }).unwrap();
@@ -195,26 +195,26 @@ fn a_cut_opens_the_volume_towards_whoever_looks() {
     let mut model = model(BALL);
     let whole = model.draw(Pane::Volume, 1, &Exec::default()).unwrap();
     let depth = |model: &mut Model| {
-        let hovered = follow(model, Request::Hover { pane: Pane::Volume, at: [0.5, 0.5] }).hovered.unwrap();
+        let hovered = follow(model, &Request::Hover { pane: Pane::Volume, at: [0.5, 0.5] }).hovered.unwrap();
         hovered.place[1]
     };
     let surface = depth(&mut model);
     // From the front: what is seen lies in the middle now, not on the ball's face.
     for along in [Pane::Volume, Pane::Coronal] {
-        follow(&mut model, Request::Cut { along: Some(along) });
+        follow(&mut model, &Request::Cut { along: Some(along) });
         assert!((depth(&mut model) - 16.0).abs() < 0.5 && surface > 25.0, "{along:?}");
         let opened = model.draw(Pane::Volume, 1, &Exec::default()).unwrap();
         assert_ne!(opened, whole);
         // It goes with the slices.
-        let deeper = follow(&mut model, Request::Slice { pane: Pane::Coronal, steps: -4 }).cross[1];
+        let deeper = follow(&mut model, &Request::Slice { pane: Pane::Coronal, steps: -4 }).cross[1];
         assert!((depth(&mut model) - deeper).abs() < 0.5);
-        follow(&mut model, Request::Slice { pane: Pane::Coronal, steps: 4 });
+        follow(&mut model, &Request::Slice { pane: Pane::Coronal, steps: 4 });
     }
     // From behind the other half goes.
-    follow(&mut model, Request::Cut { along: Some(Pane::Coronal) });
-    follow(&mut model, Request::Look { side: ivd_render::Side::Back });
+    follow(&mut model, &Request::Cut { along: Some(Pane::Coronal) });
+    follow(&mut model, &Request::Look { side: ivd_render::Side::Back });
     assert!((depth(&mut model) - 16.0).abs() < 0.5);
-    follow(&mut model, Request::Cut { along: None });
-    follow(&mut model, Request::ResetView);
+    follow(&mut model, &Request::Cut { along: None });
+    follow(&mut model, &Request::ResetView);
     assert_eq!(model.draw(Pane::Volume, 1, &Exec::default()).unwrap(), whole);
 }

@@ -9,7 +9,7 @@ use ivd_frames::{Error, Frame, Output, Pane, Request, Saved, Service};
 
 use super::common::{BALL, model};
 
-const LONG: Duration = Duration::from_secs(60);
+const LONG: Duration = Duration::from_mins(1);
 
 fn service() -> (Service, Receiver<Output>) {
     let (sender, receiver) = channel();

@@ -48,7 +48,7 @@ pub const STAGE: Stage = Stage {
 pub const VOLUME: &str = "volume";
 /// The slot of a displacement that is shown.
 pub const DISPLACEMENT: &str = "displacement";
-/// The slot of a volume that decides camera and window, see [`Scene::whole`].
+/// The slot of a volume that decides camera and window, see [`crate::Scene::whole`].
 pub const WHOLE: &str = "whole";
 /// The slot of a displacement that a picture leaves room for.
 pub const FRAMING: &str = "framing";

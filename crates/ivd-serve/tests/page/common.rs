@@ -52,7 +52,7 @@ impl Server {
             };
             serve(open, &its, &Options { place }, |links| sender.send(links.clone()).unwrap())
         });
-        let links = receiver.recv_timeout(Duration::from_secs(60)).unwrap();
+        let links = receiver.recv_timeout(Duration::from_mins(1)).unwrap();
         Self { links, exec, thread: Some(thread) }
     }
 
@@ -106,7 +106,7 @@ impl Client {
     /// Opens a socket with these headers; the answer's status where it is refused.
     pub(crate) fn open(port: u16, host: &str, origin: Option<&str>) -> Result<Self, u16> {
         let stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream.set_read_timeout(Some(Duration::from_mins(1))).unwrap();
         let mut request = format!("ws://{host}/socket").into_client_request().unwrap();
         if let Some(origin) = origin {
             request.headers_mut().insert("Origin", origin.parse().unwrap());
@@ -160,7 +160,7 @@ impl Client {
 /// An answer over plain HTTP: status line and headers, and the body.
 pub(crate) fn get(port: u16, path: &str, host: &str) -> (String, String) {
     let mut stream = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+    stream.set_read_timeout(Some(Duration::from_mins(1))).unwrap();
     write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
     let mut all = String::new();
     stream.read_to_string(&mut all).unwrap();
