@@ -41,7 +41,8 @@ impl Window {
     pub(crate) fn dragged(self, [right, down]: [f64; 2], least: f64) -> Self {
         let (width, middle) = (self.high - self.low, f64::midpoint(self.low, self.high));
         let middle = middle + down.clamp(-10.0, 10.0) * width;
-        let width = (width * (2.0 * right).clamp(-10.0, 10.0).exp()).max(least);
+        let width = (width * (2.0 * right).clamp(-10.0, 10.0).exp()).clamp(least, 1e12 * least);
+        let middle = middle.clamp(-1e12 * least, 1e12 * least);
         Self { low: middle - 0.5 * width, high: middle + 0.5 * width }
     }
 

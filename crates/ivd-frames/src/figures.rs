@@ -14,8 +14,10 @@ pub struct Spot {
     pub rest: [f64; 3],
     /// Where that is now.
     pub now: [f64; 3],
-    /// How far it has gone.
-    pub by: [f64; 3],
+    /// How far a handle is told to move it (mm).
+    pub by: Option<[f64; 3]>,
+    /// What force it pulls it with (mN).
+    pub with: Option<[f64; 3]>,
     /// Reach (mm).
     pub radius: f64,
     /// Where each pane shows it, as shares.

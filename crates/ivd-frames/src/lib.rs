@@ -14,6 +14,7 @@ mod error;
 mod figures;
 mod model;
 mod panes;
+mod queue;
 mod request;
 mod save;
 mod service;

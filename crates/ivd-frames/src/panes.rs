@@ -74,7 +74,7 @@ impl Panes {
         coarse: bool,
         exec: &Exec,
     ) -> Result<Prepared<'a>, Error> {
-        let step = self.picture.step * if coarse { COARSE_STEP } else { 1.0 };
+        let step = self.picture.step * if coarse && self.picture.step <= 2.0 { COARSE_STEP } else { 1.0 };
         let mut params = RenderParams { size, step, view: self.view, ..self.picture.clone() };
         params.clip.extend(self.clip(volume.grid()));
         Ok(Prepared::new(&Scene { transfer, ..Scene::new(volume) }, &params, exec)?)

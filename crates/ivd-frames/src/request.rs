@@ -194,6 +194,13 @@ pub enum Request {
         /// How far.
         by: [f64; 3],
     },
+    /// Pulls a handle with a force.
+    Pull {
+        /// Which.
+        handle: u32,
+        /// The force (mN, RAS).
+        with: [f64; 3],
+    },
     /// Takes a handle away.
     Remove {
         /// Which.
@@ -279,33 +286,13 @@ impl Request {
             }
             Self::Add { place, by } => lengths("place", place).and_then(|()| lengths("move", by)),
             Self::Move { by, .. } => lengths("move", by),
+            Self::Pull { with, .. } => lengths("force", with),
             Self::Wheel { steps } | Self::Slice { steps, .. } if steps.unsigned_abs() > 10_000 => {
                 wrong("steps", steps.to_string(), "use up to 10,000")
             }
             Self::Stiffness { stiffness } => lengths("stiffness", &[*stiffness]),
             _ => Ok(()),
         }
-    }
-
-    /// Whether it changes what is deformed, or is the end of that: nothing is let go that comes before or after it.
-    pub fn is_work(&self) -> bool {
-        !matches!(
-            self,
-            Self::Resize { .. }
-                | Self::Orbit { .. }
-                | Self::Pan { .. }
-                | Self::Zoom { .. }
-                | Self::Look { .. }
-                | Self::ResetView
-                | Self::Window { .. }
-                | Self::Transfer { .. }
-                | Self::ResetColours
-                | Self::Slice { .. }
-                | Self::Cross { .. }
-                | Self::Cut { .. }
-                | Self::Hover { .. }
-                | Self::Save { .. }
-        )
     }
 
     /// Takes the request that follows right after it in, where one of the two does the work of both.
@@ -318,20 +305,21 @@ impl Request {
                 by.iter_mut().zip(more).for_each(|(by, more)| *by += more);
                 true
             }
+            (Self::Cross { pane, .. }, Self::Cross { pane: same, .. }) if pane == same => {
+                self.clone_from(next);
+                true
+            }
+            (Self::Wheel { steps }, Self::Wheel { steps: more }) => {
+                *steps = steps.saturating_add(*more).clamp(-10_000, 10_000);
+                true
+            }
             (Self::Hover { .. }, Self::Hover { .. })
-            | (Self::Cross { .. }, Self::Cross { .. })
             | (Self::Drag { .. }, Self::Drag { .. })
-            | (Self::Resize { .. }, Self::Resize { .. })
-            | (Self::Stiffness { .. }, Self::Stiffness { .. })
-            | (Self::Level { .. }, Self::Level { .. })
-            | (Self::Map { .. }, Self::Map { .. }) => {
+            | (Self::Resize { .. }, Self::Resize { .. }) => {
                 self.clone_from(next);
                 true
             }
-            (Self::Move { handle: a, .. }, Self::Move { handle: b, .. }) if a == b => {
-                self.clone_from(next);
-                true
-            }
+            (Self::Save { what }, Self::Save { what: same }) => what == same,
             _ => false,
         }
     }

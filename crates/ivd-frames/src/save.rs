@@ -16,8 +16,9 @@ pub struct File {
     pub bytes: Vec<u8>,
 }
 
-/// The name of a scan in a scene that leaves the window: where it lies there stays untold.
-const SCAN: &str = "scan.nii.gz";
+/// What the name of a scan may end in, in a scene that leaves the window: what it is called here stays untold.
+const ENDINGS: [&str; 13] =
+    ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw", "dcm", "png", "ivd"];
 
 impl Model {
     /// Writes what was asked for; `log`: the lines so far.
@@ -58,11 +59,9 @@ impl Model {
         let mut scene = self.subject().scene_of(self.session().settings())?;
         let mut head = String::from("# Made by hand in a window.");
         if let Some(file) = &scene.input.file {
-            let ending = file.extension().map(|ending| ending.to_string_lossy().into_owned());
-            let name = match ending.as_deref() {
-                None | Some("gz") => SCAN.to_owned(),
-                Some(ending) => format!("scan.{ending}"),
-            };
+            let ending = ivd_pipeline::ending(file);
+            // A folder's name may end in anything.
+            let name = if ENDINGS.contains(&&*ending) { format!("scan.{ending}") } else { "scan".to_owned() };
             head += " Where the scan lies is told by --input, or here.";
             scene.set_input(Path::new(&name));
         }
@@ -78,7 +77,13 @@ fn written(
     options: ExportOptions<'_>,
     exec: &Exec,
 ) -> Result<Vec<u8>, Error> {
-    let failed = |error: std::io::Error| Error::Io { what: "a file to be kept", problem: error.to_string() };
+    let failed = |error: std::io::Error| {
+        exec.observer().note(&format!("{name} can't be written: {error}"));
+        Error::Io {
+            what: "a file to be kept",
+            problem: format!("{name} can't be written; ivd says why where it runs"),
+        }
+    };
     let folder = tempfile::tempdir().map_err(failed)?;
     let path = folder.path().join(name);
     export_with(artefact, &path, &options, exec).map_err(|error| {

@@ -3,8 +3,7 @@
 //! Requests that come while it works are merged: of many moves the last counts. A solve runs to its end; what is drawn anew to be finer is given up when
 //! something happens. While things move, the volume's picture is coarser, as much as its time asks for; soon after they stop it is whole.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -12,6 +11,7 @@ use std::time::{Duration, Instant};
 use ivd_core::{Cancel, Classified as _, ErrorClass, Exec, Image};
 use serde_json::{Value as Json, json};
 
+use crate::queue::{Next, Queue};
 use crate::save::File;
 use crate::{Error, Model, Pane, Request};
 
@@ -21,8 +21,8 @@ const SETTLED: Duration = Duration::from_millis(60);
 const SLOW: Duration = Duration::from_millis(40);
 /// ... and one that takes less, finer.
 const QUICK: Duration = Duration::from_millis(12);
-/// Requests that wait at most.
-const WAITING: usize = 1024;
+/// Requests are followed for so long at most before what has changed is drawn.
+const UNSEEN: Duration = Duration::from_millis(100);
 /// By how much the sides of a picture are divided at most.
 const COARSEST: usize = 4;
 
@@ -100,15 +100,9 @@ pub enum Output {
     Failed(Arc<Error>),
 }
 
-enum Message {
-    Request(Client, Request),
-    Stop,
-}
-
 /// A running service. Dropped, it ends.
 pub struct Service {
-    sender: SyncSender<Message>,
-    waiting: Arc<AtomicUsize>,
+    queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -123,25 +117,25 @@ impl Service {
         exec: Exec,
         publish: impl FnMut(Output) + Send + 'static,
     ) -> Result<Self, Error> {
-        let (sender, receiver) = sync_channel(WAITING);
+        let queue = Arc::new(Queue::default());
         let refining = Arc::new(Mutex::new(Cancel::default()));
-        let waiting = Arc::new(AtomicUsize::new(0));
-        let worker = Worker { receiver, waiting: waiting.clone(), refining: refining.clone(), exec, publish };
+        let worker = Worker { queue: queue.clone(), refining: refining.clone(), exec, publish };
         let thread = std::thread::Builder::new().name("frames".to_owned()).spawn(move || worker.run(open));
         let thread =
             thread.map_err(|e| Error::Io { what: "the thread that draws", problem: e.to_string() })?;
-        Ok(Self { sender, waiting, refining, thread: Some(thread) })
+        Ok(Self { queue, refining, thread: Some(thread) })
     }
 
-    /// Asks for something. Answers come to `publish`. Whether that is taken: not where too much waits already.
+    /// Asks for something. Answers come to `publish`. Whether that is taken: not where too much waits already, but for what lets go of something.
     pub fn ask(&self, client: Client, request: Request) -> bool {
-        self.waiting.fetch_add(1, Ordering::SeqCst);
-        let taken = self.sender.try_send(Message::Request(client, request)).is_ok();
-        if !taken {
-            self.waiting.fetch_sub(1, Ordering::SeqCst);
-        }
+        let taken = self.queue.push(client, request);
         self.stop_refining();
         taken
+    }
+
+    /// Lets go of all that somebody asked for and that wasn't begun.
+    pub fn forget(&self, client: Client) {
+        self.queue.forget(client);
     }
 
     fn stop_refining(&self) {
@@ -151,9 +145,8 @@ impl Service {
 
 impl Drop for Service {
     fn drop(&mut self) {
+        self.queue.end();
         self.stop_refining();
-        // Without a thread there is nobody left to tell.
-        let _ = self.sender.send(Message::Stop);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -161,9 +154,7 @@ impl Drop for Service {
 }
 
 struct Worker<P> {
-    receiver: Receiver<Message>,
-    /// Requests that weren't taken yet.
-    waiting: Arc<AtomicUsize>,
+    queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
     exec: Exec,
     publish: P,
@@ -174,14 +165,23 @@ struct Drawn {
     pictures: [Arc<Picture>; 4],
     /// What the coarse ones are divided by.
     coarser: usize,
+    /// Whether there is nothing finer to be drawn.
+    settled: bool,
     number: u64,
 }
 
 impl<P: FnMut(Output)> Worker<P> {
     fn run(mut self, open: impl FnOnce() -> Result<Model, Error>) {
-        if let Err(error) = self.work(open) {
-            (self.publish)(Output::Failed(Arc::new(error)));
-        }
+        let worked = catch_unwind(AssertUnwindSafe(|| self.work(open)));
+        let failed = match worked {
+            Ok(Ok(())) => return,
+            Ok(Err(error)) => error,
+            // What went wrong was said by the panic itself.
+            Err(_) => {
+                Error::Io { what: "the thread that draws", problem: "it has ended by a fault of ivd".into() }
+            }
+        };
+        (self.publish)(Output::Failed(Arc::new(failed)));
     }
 
     fn work(&mut self, open: impl FnOnce() -> Result<Model, Error>) -> Result<(), Error> {
@@ -198,20 +198,20 @@ impl<P: FnMut(Output)> Worker<P> {
         };
         let [volume, axial, coronal, sagittal] = Pane::ALL;
         let pictures = [picture(volume, 2)?, picture(axial, 1)?, picture(coronal, 1)?, picture(sagittal, 1)?];
-        let mut drawn = Drawn { pictures, coarser: 2, number: 0 };
+        let mut drawn = Drawn { pictures, coarser: 2, settled: false, number: 0 };
         self.publish_frame(&mut model, &mut drawn, Duration::ZERO);
         loop {
-            let first = if drawn.pictures[0].coarser == 1 {
-                self.receiver.recv().map_err(|_| RecvTimeoutError::Disconnected)
-            } else {
-                self.receiver.recv_timeout(SETTLED)
-            };
-            match first {
-                Ok(Message::Stop) | Err(RecvTimeoutError::Disconnected) => return Ok(()),
-                Err(RecvTimeoutError::Timeout) => self.refine(&mut model, &mut drawn)?,
-                Ok(Message::Request(client, request)) => {
-                    if self.follow_all(client, request, &mut model, &log)? {
-                        return Ok(());
+            match self.queue.next((!drawn.settled).then_some(SETTLED)) {
+                Next::End => return Ok(()),
+                Next::Nothing => self.refine(&mut model, &mut drawn)?,
+                Next::Request(client, request) => {
+                    let start = Instant::now();
+                    self.follow(client, &request, &mut model, &log)?;
+                    while start.elapsed() < UNSEEN {
+                        let Next::Request(client, request) = self.queue.next(Some(Duration::ZERO)) else {
+                            break;
+                        };
+                        self.follow(client, &request, &mut model, &log)?;
                     }
                     self.draw_stale(&mut model, &mut drawn)?;
                 }
@@ -219,48 +219,40 @@ impl<P: FnMut(Output)> Worker<P> {
         }
     }
 
-    /// Follows what has come, merged; whether the service ends.
-    fn follow_all(
+    /// Follows a request.
+    fn follow(
         &mut self,
         client: Client,
-        request: Request,
+        request: &Request,
         model: &mut Model,
         log: &Mutex<Vec<String>>,
-    ) -> Result<bool, Error> {
-        let mut pending: Vec<(Client, Request)> = vec![(client, request)];
-        self.waiting.fetch_sub(1, Ordering::SeqCst);
-        let mut ends = false;
-        while let Ok(message) = self.receiver.try_recv() {
-            let Message::Request(client, next) = message else {
-                ends = true;
-                break;
-            };
-            self.waiting.fetch_sub(1, Ordering::SeqCst);
-            // What isn't allowed is refused by itself: merged, it would take what is allowed with it.
-            let merges = |(who, last): &mut (Client, Request)| {
-                *who == client && next.check().is_ok() && last.check().is_ok() && last.merge(&next)
-            };
-            if !pending.last_mut().is_some_and(merges) {
-                pending.push((client, next));
+    ) -> Result<(), Error> {
+        let followed = match request {
+            Request::Save { what } => {
+                let lines = log.lock().unwrap_or_else(PoisonError::into_inner);
+                let file = model.save(*what, &lines, &self.exec);
+                drop(lines);
+                file.map(|file| (self.publish)(Output::File(client, Arc::new(file))))
             }
-        }
-        for (client, request) in pending {
-            let followed = match &request {
-                Request::Save { what } => {
-                    let lines = log.lock().unwrap_or_else(PoisonError::into_inner).clone();
-                    model.save(*what, &lines, &self.exec).map(|file| {
-                        (self.publish)(Output::File(client, Arc::new(file)));
-                    })
-                }
-                request => model.follow(request),
-            };
-            match followed {
-                Ok(()) => {}
-                Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
-                Err(error) => (self.publish)(Output::Problem(client, error.to_string())),
+            request => model.follow(request),
+        };
+        match followed {
+            Err(error) if error.error_class() == ErrorClass::Cancelled => Err(error),
+            Err(error) => {
+                (self.publish)(Output::Problem(client, error.to_string()));
+                Ok(())
             }
+            Ok(()) => Ok(()),
         }
-        Ok(ends)
+    }
+
+    /// A picture that can't be drawn is told; the one before stays. What the user interrupts ends.
+    fn told(&mut self, error: Error) -> Result<(), Error> {
+        if error.error_class() == ErrorClass::Cancelled {
+            return Err(error);
+        }
+        (self.publish)(Output::Note(format!("no picture: {error}")));
+        Ok(())
     }
 
     /// Draws what has changed, the volume coarsely.
@@ -273,10 +265,17 @@ impl<P: FnMut(Output)> Worker<P> {
             }
             let coarser = if pane == Pane::Volume { drawn.coarser } else { 1 };
             let start = Instant::now();
-            let image = model.draw(pane, coarser, &self.exec)?;
+            let image = match model.draw(pane, coarser, &self.exec) {
+                Ok(image) => image,
+                Err(error) => {
+                    self.told(error)?;
+                    continue;
+                }
+            };
             drawn.pictures[pane.number()] = Arc::new(Picture::new(pane, version, coarser, image));
             took += start.elapsed();
             if pane == Pane::Volume {
+                drawn.settled = coarser == 1;
                 drawn.coarser = match start.elapsed() {
                     slow if slow > SLOW => (coarser + 1).min(COARSEST),
                     quick if quick < QUICK => (coarser - 1).max(1),
@@ -293,7 +292,7 @@ impl<P: FnMut(Output)> Worker<P> {
         let cancel = Cancel::default();
         *self.refining.lock().unwrap_or_else(PoisonError::into_inner) = cancel.clone();
         // What came before that could not stop it.
-        if self.waiting.load(Ordering::SeqCst) > 0 {
+        if !self.queue.is_empty() {
             return Ok(());
         }
         let mut exec = self.exec.clone();
@@ -302,6 +301,7 @@ impl<P: FnMut(Output)> Worker<P> {
         match model.draw(Pane::Volume, 1, &exec) {
             Ok(image) => {
                 drawn.pictures[0] = Arc::new(Picture::new(Pane::Volume, version, 1, image));
+                drawn.settled = true;
                 self.publish_frame(model, drawn, start.elapsed());
                 Ok(())
             }
@@ -309,7 +309,10 @@ impl<P: FnMut(Output)> Worker<P> {
                 // By a request, which waits; or by whoever stops everything.
                 self.exec.check_cancelled().map_err(Error::from)
             }
-            Err(error) => Err(error),
+            Err(error) => {
+                drawn.settled = true;
+                self.told(error)
+            }
         }
     }
 

@@ -12,8 +12,8 @@ use ivd_pipeline::plan::{NodeId, Plan};
 use ivd_pipeline::scene::{Loaded, OutputSection, Override, Picture, Scene, parse};
 use ivd_pipeline::{PipelineOptions, Runner, StageResult, run_node};
 use ivd_render::{
-    AttenuatedMipParams, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams, Mode,
-    RenderParams,
+    AttenuatedMipParams, ClipSpace, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams,
+    Mode, RenderParams,
 };
 use ivd_session::{MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
@@ -23,7 +23,7 @@ use crate::Error;
 /// Vertices above which a bare scan is deformed at a coarser level.
 const MANY_VERTICES: usize = 40_000;
 /// What the scene of a bare scan says beside its input.
-const BARE: &str = "schema = 1\n[refine]\nlevel = 0\n[output]\nimages = [\"before\"]\n";
+const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 
 /// What a session begins with.
 #[derive(Debug)]
@@ -80,10 +80,21 @@ impl Subject {
         begin: &dyn Fn(&'static str),
     ) -> Result<Self, Error> {
         check(&loaded.scene)?;
+        let (mode, picture, looks) = drawn(&loaded.scene)?;
+        if !picture.clip.is_empty() && picture.clip_space == ClipSpace::Rest {
+            return Err(none("render.clip_space = \"rest\""));
+        }
+        let asked = settings(&loaded.scene)?;
+        let by_class = match (&asked.physics, &asked.map) {
+            (Physics::Springs(params), _) if !params.springs.material.is_empty() => true,
+            (_, MapChoice::Fem(params)) => !params.material.is_empty(),
+            _ => false,
+        };
         let mut cut = loaded.clone();
         cut.scene.output = OutputSection {
             images: vec![Picture::Before],
             lattice_extracted: Some("extracted.ply".into()),
+            labels: by_class.then(|| "labels.nii.gz".into()),
             ..OutputSection::default()
         };
         let plan = Plan::new(&cut, None, None)?;
@@ -110,7 +121,6 @@ impl Subject {
         }
         let (lattice, labels, transfer) = found;
         let lattice = lattice.ok_or_else(|| missing("a lattice"))?;
-        let (mode, picture, looks) = drawn(&loaded.scene)?;
         let transfer = match (transfer, looks) {
             (Some(transfer), Some(looks)) if !looks.is_empty() => Some(looks.of(&transfer)?),
             (transfer, _) => transfer,
@@ -118,9 +128,10 @@ impl Subject {
         let mut scene = loaded.scene.clone();
         let mut said = Vec::new();
         let vertices = lattice.keys().len();
-        if is_bare && vertices > MANY_VERTICES {
-            let level = (vertices as f64 / MANY_VERTICES as f64).log(4.0).ceil() as u64;
-            scene.set(&ivd_lattice::refine::STAGE, &[("level", Some(json!(level)))])?;
+        let refine = &ivd_lattice::refine::STAGE;
+        if is_bare && scene.param(refine, "level").is_none() {
+            let level = (vertices as f64 / MANY_VERTICES as f64).log(4.0).ceil().max(0.0) as u64;
+            scene.set(refine, &[("level", Some(json!(level)))])?;
             said.push(format!("level {level}, for {vertices} vertices as cut"));
         }
         let settings = settings(&scene)?;

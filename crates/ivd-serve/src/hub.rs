@@ -1,6 +1,6 @@
 //! What all connections share.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -48,6 +48,8 @@ pub(crate) struct Hub {
     wheel: Mutex<Wheel>,
     words: Mutex<BTreeMap<Client, mpsc::Sender<Word>>>,
     notes: Mutex<Vec<String>>,
+    /// Who waits for a file.
+    saving: Mutex<BTreeSet<Client>>,
     next: AtomicU64,
     service: Mutex<Option<Service>>,
 }
@@ -68,6 +70,7 @@ impl Hub {
             wheel: Mutex::default(),
             words: Mutex::default(),
             notes: Mutex::default(),
+            saving: Mutex::default(),
             next: AtomicU64::new(1),
             service: Mutex::default(),
         })
@@ -97,7 +100,10 @@ impl Hub {
                 _ = self.frames.send_replace(Some(frame));
             }
             Output::File(client, file) => self.say(client, Word::File(file)),
-            Output::Problem(client, text) => self.say(client, problem(&text)),
+            Output::Problem(client, text) => {
+                self.has_file(client);
+                self.say(client, problem(&text));
+            }
             Output::Failed(error) => _ = self.failed.send_replace(Some(error)),
         }
     }
@@ -109,8 +115,8 @@ impl Hub {
         notes.push(text);
         let over = notes.len().saturating_sub(NOTES);
         notes.drain(..over);
-        drop(notes);
         locked(&self.words).values().for_each(|words| _ = words.try_send(word.clone()));
+        drop(notes);
     }
 
     pub(crate) fn say(&self, client: Client, word: Word) {
@@ -133,16 +139,23 @@ impl Hub {
     pub(crate) fn enter(&self) -> (Client, mpsc::Receiver<Word>) {
         let client = self.next.fetch_add(1, Ordering::Relaxed);
         let (sender, receiver) = mpsc::channel(WORDS);
-        for text in locked(&self.notes).iter() {
+        // Nobody notes anything meanwhile.
+        let notes = locked(&self.notes);
+        for text in notes.iter() {
             let _ = sender.try_send(Word::Text(json!({ "kind": "note", "text": text })));
         }
         locked(&self.words).insert(client, sender);
+        drop(notes);
         (client, receiver)
     }
 
-    /// Somebody is gone; what they held is abandoned.
+    /// Somebody is gone; what they asked for isn't begun any more, and what they held is abandoned.
     pub(crate) fn leave(&self, client: Client) {
         locked(&self.words).remove(&client);
+        locked(&self.saving).remove(&client);
+        if let Some(service) = locked(&self.service).as_ref() {
+            service.forget(client);
+        }
         self.let_go(client);
     }
 
@@ -178,8 +191,16 @@ impl Hub {
         }
     }
 
+    /// Somebody has the file that they waited for, or gets none.
+    pub(crate) fn has_file(&self, client: Client) {
+        locked(&self.saving).remove(&client);
+    }
+
     /// Asks the service.
     pub(crate) fn ask(&self, client: Client, request: Request) {
+        if matches!(request, Request::Save { .. }) && !locked(&self.saving).insert(client) {
+            return self.say(client, problem("a file is on its way: ask for the next when it is there"));
+        }
         let asked = locked(&self.service).as_ref().map(|service| service.ask(client, request));
         if asked == Some(false) {
             self.say(client, problem("too much at once: wait for what was asked before"));

@@ -7,8 +7,8 @@
 //!   other sites, and names that were made to mean this machine, are refused.
 //! - A token of 128 bits from the system stands in the link's fragment, which no request holds, and is the socket's first message, within five seconds. Another
 //!   one lets watch, and do nothing.
-//! - One drives, others watch. Whoever drives hands over, or is let go after half a minute without a word; what a lost driver held is abandoned.
-//! - Messages have at most 64 KiB, connections are at most eight, and each has at most one frame waiting. What is asked for is a list of its own
+//! - One drives, others watch. Whoever drives hands over, or may be relieved after half a minute without a word; what a lost driver held is abandoned.
+//! - Messages have at most 64 KiB, connections are at most eight, and each has at most one frame waiting here. What is asked for is a list of its own
 //!   ([`ivd_frames::Request`]) whose costs are bounded before anything is computed; it names no file, and no frame does.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]

@@ -10,6 +10,7 @@ use axum::extract::{State, WebSocketUpgrade};
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::get;
+use axum::serve::ListenerExt as _;
 use ivd_core::Exec;
 use ivd_frames::{Model, Output, Service};
 
@@ -178,7 +179,10 @@ impl Listener {
                 let listener =
                     listener.map_err(|e| failed(what(), &e, "choose another --port, or 0 for any"))?;
                 let port = listener.local_addr().map_err(|e| failed(what(), &e, "try again"))?.port();
-                Ok(Self { address: format!("http://localhost:{port}/"), from: From::Tcp(listener) })
+                Ok(Self {
+                    address: format!("http://{address}:{port}/", address = Ipv4Addr::LOCALHOST),
+                    from: From::Tcp(listener),
+                })
             }
             Place::Socket(path) => Self::at_path(path),
         }
@@ -209,7 +213,7 @@ impl Listener {
         let _ = std::fs::remove_dir(&private);
         let listener = made.map_err(|e: std::io::Error| failed(what(), &e, remedy))?;
         let from = From::Unix(listener, Own(path.to_owned()));
-        Ok(Self { address: "http://localhost:PORT/".to_owned(), from })
+        Ok(Self { address: "http://127.0.0.1:PORT/".to_owned(), from })
     }
 
     #[cfg(not(unix))]
@@ -220,7 +224,11 @@ impl Listener {
 
     async fn serve(self, router: Router) -> Result<(), Error> {
         let served = match self.from {
-            From::Tcp(listener) => axum::serve(listener, router).await,
+            From::Tcp(listener) => {
+                // A frame's last bytes don't wait for more.
+                let listener = listener.tap_io(|stream| _ = stream.set_nodelay(true));
+                axum::serve(listener, router).await
+            }
             #[cfg(unix)]
             From::Unix(listener, own) => {
                 let served = axum::serve(listener, router).await;

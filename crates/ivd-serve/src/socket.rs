@@ -20,6 +20,9 @@ const TO_SAY_WHO: Duration = Duration::from_secs(5);
 /// Who doesn't take what is sent for so long is gone.
 const TO_TAKE: Duration = Duration::from_secs(20);
 
+/// The same of a file.
+const TO_TAKE_FILE: Duration = Duration::from_mins(30);
+
 /// The first message.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -83,7 +86,10 @@ async fn serve(
                 Word::Text(word) => send(socket, text(&word)).await?,
                 Word::File(file) => {
                     let head = json!({ "kind": "file", "name": file.name, "bytes": file.bytes.len() });
-                    send(socket, binary(&head, &[&file.bytes])).await?;
+                    // A file takes as long as its way is slow.
+                    let sent = timeout(TO_TAKE_FILE, socket.send(binary(&head, &[&file.bytes]))).await;
+                    hub.has_file(client);
+                    sent.map_err(|_| Gone)?.map_err(|_| Gone)?;
                 }
             },
             Ok(()) = driving.changed() => {

@@ -119,8 +119,11 @@ impl Gesture {
 
     /// Takes an event; one whose work it does again is let go.
     pub(crate) fn take(&mut self, event: Event) {
-        if self.events.last().is_some_and(|last| event.replaces(last)) {
-            self.events.pop();
+        // Past those that set other things it may be found as well; not past what makes or takes away what is set.
+        let sets = |event: &&Event| event.replaces(event);
+        let behind = self.events.iter().rev().take_while(sets).position(|earlier| event.replaces(earlier));
+        if let Some(behind) = behind {
+            self.events.remove(self.events.len() - 1 - behind);
         }
         self.events.push(event);
     }

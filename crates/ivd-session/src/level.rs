@@ -7,7 +7,7 @@ use ivd_core::{Displacement, Exec, Labels, Lattice, Motion};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_map::{Biharmonic, IncrementalMap, MapUpdate, Outside, fem};
 use ivd_motion::freeform;
-use ivd_motion::handles::{Anchor, Pin};
+use ivd_motion::handles::{Anchor, Pin, find_picks};
 use ivd_motion::mass_spring;
 use ivd_motion::ring;
 
@@ -65,6 +65,9 @@ impl Level {
         labels: Option<&Labels>,
         exec: &Exec,
     ) -> Result<Option<Motion>, Error> {
+        // A fix that nothing moves yet is where it can be, too.
+        let fixed = settings.fixed.iter().map(|fix| &fix.at);
+        find_picks(&self.lattice, "fixed vertex", fixed)?;
         let handled = match &settings.physics {
             _ if settings.handles.is_empty() => None,
             Physics::Ring(params) => Some(self.rings(settings, params, exec)?),

@@ -39,7 +39,7 @@ pub(crate) fn plain<T: Clone>(all: &[Numbered<T>]) -> Vec<T> {
 
 /// The first number that is above all others.
 pub(crate) fn next_id<T>(all: &[Numbered<T>]) -> Id {
-    all.iter().map(|one| one.id + 1).max().unwrap_or(0)
+    all.iter().map(|one| one.id.saturating_add(1)).max().unwrap_or(0)
 }
 
 /// Puts a member behind the others.

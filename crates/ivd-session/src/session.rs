@@ -239,8 +239,8 @@ impl Session {
     /// As [`Session::apply`] and [`Session::undo`].
     pub fn replay(&mut self, entry: Entry, exec: &Exec) -> Result<(), Error> {
         match entry {
-            Entry::Undo => self.undo(exec).map(|_| ()),
-            Entry::Redo => self.redo(exec).map(|_| ()),
+            Entry::Undo => self.undo(exec)?.map(|_| ()).ok_or_else(|| nothing("undo")),
+            Entry::Redo => self.redo(exec)?.map(|_| ()).ok_or_else(|| nothing("redo")),
             Entry::Step(mut step) => {
                 self.no_gesture("replay")?;
                 step.events.iter_mut().for_each(|event| _ = self.complete(event));
@@ -257,8 +257,10 @@ impl Session {
         }
     }
 
-    /// Calls `record` with every line of the log from now on: together with the volume, the lattice and the present settings they give the state again.
+    /// Calls `record` with every line of the log from now on: together with the volume, the lattice and the present settings they give the state again. What was done
+    /// before can't be undone any more: no line would say what it was.
     pub fn record(&mut self, record: impl FnMut(&Entry) + Send + Sync + 'static) {
+        (self.history, self.gesture) = (History::default(), None);
         self.recorder = Recorder(Some(Box::new(record)));
     }
 
@@ -391,6 +393,15 @@ fn anchor(lattice: &Lattice, at: &mut Anchor) {
         && (vertex as usize) < lattice.keys().len()
     {
         *at = Anchor::NearestTo(lattice.world(vertex as usize).0.into());
+    }
+}
+
+/// What a log wants back that isn't there.
+fn nothing(event: &'static str) -> Error {
+    Error::Event {
+        event,
+        problem: "there is nothing to".into(),
+        remedy: "replay the whole log, from the settings that it began with",
     }
 }
 

@@ -12,7 +12,7 @@ pub(crate) struct ServeArgs {
     /// Override a key of the scene, or of that which a scan alone is opened by, such as lattice.iso=60.
     #[arg(long = "set", value_name = "stage.key=value")]
     pub(crate) overrides: Vec<Override>,
-    /// Port on 127.0.0.1; 0 for any that is free. From another machine: ssh -L PORT:localhost:PORT.
+    /// Port on 127.0.0.1; 0 for any that is free. From another machine: ssh -L PORT:127.0.0.1:PORT.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) port: u16,
     /// Listen at a socket in the file system instead, which only you can open: ssh -L PORT:PATH.

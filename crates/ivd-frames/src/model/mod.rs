@@ -1,32 +1,25 @@
 //! A session with what a window shows of it: requests change it, and it says which panes that touches.
 
+mod hand;
 mod told;
 
 use std::time::{Duration, Instant};
 
 use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, Image, TransferFunction, VoxelCoord, World};
-use ivd_field::sampler::{Sampler, gradient};
 use ivd_map::{BiharmonicParams, OctreeParams};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin, find_picks};
 use ivd_render::Lens;
 use ivd_session::{Event, Id, MapChoice, Session, Update};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Axis, Error, MapName, Pane, Request, Subject};
+use crate::{Error, MapName, Pane, Request, Subject};
 
 /// A solve that takes longer is refused: a window that doesn't answer is worse.
 const MOST_WORK: Duration = Duration::from_secs(15);
-/// A handle is taken hold of from so far away (shares of the pane).
-const NEAR: f64 = 0.025;
-/// Newton's steps at most: two or three are enough.
-const NEWTON: usize = 6;
-/// An axis that is seen this nearly end on can't be dragged along (squared sine).
-const END_ON: f64 = 0.01;
-
 /// What is shown and worked on.
 pub struct Model {
     subject: Subject,
@@ -232,8 +225,10 @@ impl Model {
             }
             Request::Radius { handle, radius } => self.set_radius(*handle, *radius),
             Request::Wheel { steps } => {
-                let held = self.drag.map(|drag| drag.handle);
-                self.set_radius(held, (self.radius * 1.1_f64.powi(*steps)).clamp(1e-3, 1e6))
+                let pointed = self.hovered.as_ref().and_then(|hovered| hovered.handle);
+                let there = |id: &Id| self.session.settings().handles.iter().any(|one| one.id == *id);
+                let handle = self.drag.map(|drag| drag.handle).or(pointed).filter(there);
+                self.set_radius(handle, (self.radius * 1.1_f64.powi(*steps)).clamp(1e-3, 1e6))
             }
             Request::Add { place, by } => {
                 let handle =
@@ -242,6 +237,7 @@ impl Model {
                 self.apply(Event::Add { id: None, handle })
             }
             Request::Move { handle, by } => self.apply(Event::Move { handle: *handle, by: *by }),
+            Request::Pull { handle, with } => self.apply(Event::Pull { handle: *handle, with: *with }),
             Request::Remove { handle } => {
                 self.let_go()?;
                 self.apply(Event::Remove { handle: *handle })
@@ -255,13 +251,15 @@ impl Model {
             Request::Release { fix } => self.apply(Event::Release { fix: *fix }),
             Request::Undo => {
                 self.let_go()?;
-                let update = self.session.undo(&self.exec)?;
-                update.map_or(Ok(()), |update| self.show(update))
+                let exec = self.in_time();
+                let undone = self.session.undo(&exec);
+                self.gone(undone)
             }
             Request::Redo => {
                 self.let_go()?;
-                let update = self.session.redo(&self.exec)?;
-                update.map_or(Ok(()), |update| self.show(update))
+                let exec = self.in_time();
+                let redone = self.session.redo(&exec);
+                self.gone(redone)
             }
             Request::Reset => {
                 self.let_go()?;
@@ -270,27 +268,43 @@ impl Model {
             Request::Level { level } => self.apply(Event::Level(*level)),
             Request::Stiffness { stiffness } => self.apply(Event::Stiffness { newton_per_metre: *stiffness }),
             Request::Map { map } => {
-                let map = match map {
-                    MapName::Octree => MapChoice::Octree(OctreeParams::default()),
-                    MapName::Biharmonic => MapChoice::Biharmonic(BiharmonicParams::default()),
-                };
+                let map = chosen(*map, [&self.session.settings().map, &self.subject.settings.map]);
                 self.apply(Event::Map(map))
             }
             Request::Save { .. } => Ok(()),
         }
     }
 
-    /// Applies an event. What can't be deformed is told by the figures; whatever else is wrong is an error.
+    /// Applies an event. What can't be followed changes nothing, and the figures say why; only interruption is an error.
     fn apply(&mut self, event: Event) -> Result<(), Error> {
-        let exec = self.exec.clone().with_deadline(Instant::now() + MOST_WORK);
+        let exec = self.in_time();
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(update),
-            Err(error) if error.error_class() == ErrorClass::Cancelled => Err(error.into()),
-            Err(error) => {
-                self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
-                Ok(())
-            }
+            Err(error) => self.refuse(error),
         }
+    }
+
+    /// Shows what a step back or forth came to, if there was one.
+    fn gone(&mut self, gone: Result<Option<Update>, ivd_session::Error>) -> Result<(), Error> {
+        match gone {
+            Ok(Some(update)) => self.show(update),
+            Ok(None) => Ok(()),
+            Err(error) => self.refuse(error),
+        }
+    }
+
+    /// Work that is given up where it takes too long.
+    fn in_time(&self) -> Exec {
+        self.exec.clone().with_deadline(Instant::now() + MOST_WORK)
+    }
+
+    /// Tells why something wasn't followed.
+    fn refuse(&mut self, error: ivd_session::Error) -> Result<(), Error> {
+        if error.error_class() == ErrorClass::Cancelled {
+            return Err(error.into());
+        }
+        self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
+        Ok(())
     }
 
     /// How far the hand is from what it holds (mm).
@@ -382,115 +396,6 @@ impl Model {
         self.panes.look(pane, at, self.session.deformed(), self.transfer.as_ref(), &self.exec)
     }
 
-    /// Where what is now at a place was at rest (mm, RAS): between voxels closer than the inverse field, by Newton's steps on the forward one from there.
-    pub fn rest_of(&self, place: [f64; 3]) -> [f64; 3] {
-        let displacement = self.session.displacement();
-        let grid = displacement.grid();
-        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
-        let forward = Sampler::new(displacement.forward(), grid);
-        let mut rest = voxel + Sampler::new(displacement.inverse(), grid).at(voxel);
-        let mut off = rest + forward.at(rest) - voxel;
-        for _ in 0..NEWTON {
-            let (cell, within) = forward.locate(rest);
-            let slope = Matrix3::identity() + gradient(&forward.corners(cell), within);
-            let Some(step) = slope.try_inverse().map(|inverse| inverse * off) else { break };
-            let next = rest - step;
-            let left = next + forward.at(next) - voxel;
-            // Where nothing has gone from, as beside what is left behind, no step comes nearer.
-            if left.norm() >= off.norm() {
-                break;
-            }
-            (rest, off) = (next, left);
-        }
-        grid.world(VoxelCoord(rest)).0.into()
-    }
-
-    /// What lies under the pointer.
-    fn hover(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Hovered>, Error> {
-        let Some(place) = self.look(pane, at)? else { return Ok(None) };
-        let rest = self.rest_of(place);
-        let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
-        let vertex = found.ok().and_then(|picks| picks.first().map(|pick| (pick.at, pick.away())));
-        let volume = self.session.deformed();
-        let grid = volume.grid();
-        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
-        let value =
-            grid.nearest_voxel(voxel).map(|voxel| volume.value(voxel)).filter(|value| value.is_finite());
-        Ok(Some(Hovered {
-            pane,
-            place,
-            rest,
-            value,
-            handle: self.handle_at(pane, at),
-            vertex: vertex.map(|(at, _)| at),
-            away_mm: vertex.map(|(_, away)| away),
-            at: self.panes.shares(grid, &self.lens, place),
-        }))
-    }
-
-    /// The handle that a pane shows at a place.
-    fn handle_at(&self, pane: Pane, at: [f64; 2]) -> Option<Id> {
-        let away = |spot: &Spot| {
-            let there = spot.at[pane.number()]?;
-            Some((there[0] - at[0]).hypot(there[1] - at[1]))
-        };
-        let near = self.spots.iter().filter_map(|spot| Some((away(spot)?, spot.id)));
-        near.filter(|(away, _)| *away <= NEAR).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, id)| id)
-    }
-
-    /// Takes hold of a handle, or makes one.
-    fn grab(&mut self, pane: Pane, at: [f64; 2]) -> Result<(), Error> {
-        self.let_go()?;
-        let grid = self.session.rest().grid().clone();
-        let taken = self.handle_at(pane, at);
-        let (handle, place) = if let Some(id) = taken {
-            self.session.begin("drag")?;
-            let spot = self.spots.iter().find(|spot| spot.id == id);
-            (id, spot.map_or([0.0; 3], |spot| spot.now))
-        } else {
-            self.no_more_than(MOST_HANDLES)?;
-            let Some(place) = self.look(pane, at)? else { return Err(nothing_there("grab")) };
-            let handle = Handle {
-                at: Anchor::NearestTo(self.rest_of(place)),
-                action: Action::Move([0.0; 3]),
-                radius: self.radius,
-            };
-            self.session.begin("drag a new handle")?;
-            self.apply(Event::Add { id: None, handle })?;
-            let Some(added) = self.session.settings().handles.last().filter(|_| self.refused.is_none())
-            else {
-                self.session.abandon(&self.exec)?;
-                return Ok(());
-            };
-            (added.id, place)
-        };
-        let held = self.session.settings().handles.iter().find(|one| one.id == handle);
-        let by = held.map_or_else(Vector3::zeros, |held| by_of(&held.what));
-        if let Some(held) = held {
-            self.radius = held.radius;
-        }
-        let across = self.panes.across(pane, &grid, &self.lens, place);
-        self.drag = Some(Drag { handle, from: at, by, across, wanted: by });
-        Ok(())
-    }
-
-    /// Moves what is held.
-    fn drag(&mut self, to: [f64; 2], lock: Option<Axis>) -> Result<(), Error> {
-        let Some(mut drag) = self.drag else {
-            return Err(Error::Request {
-                what: "drag",
-                problem: "nothing is held".into(),
-                remedy: "take hold of a handle first",
-            });
-        };
-        let Across { right, down } = drag.across;
-        let way = right * (to[0] - drag.from[0]) + down * (to[1] - drag.from[1]);
-        let way = lock.map_or(way, |axis| along(axis, way, right.cross(&down)));
-        drag.wanted = drag.by + way;
-        self.drag = Some(drag);
-        self.apply(Event::Move { handle: drag.handle, by: drag.wanted.into() })
-    }
-
     /// Finds where handles and pins are.
     fn find_spots(&mut self) -> Result<(), Error> {
         let settings = self.session.settings();
@@ -498,9 +403,22 @@ impl Model {
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
         let moved = self.session.motion().and_then(|motion| motion.frames().last());
         let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
-            let by = moved.map_or([0.0; 3], |frame| frame.displacement[pick.vertex]);
-            let now = std::array::from_fn(|a| pick.at[a] + by[a]);
-            Spot { id: one.id, rest: pick.at, now, by, radius: one.radius, at: [None; 4], off: [0.0; 3] }
+            let gone = moved.map_or([0.0; 3], |frame| frame.displacement[pick.vertex]);
+            let now = std::array::from_fn(|a| pick.at[a] + gone[a]);
+            let (by, with) = match one.action {
+                Action::Move(by) => (Some(by), None),
+                Action::Force(with) => (None, Some(with)),
+            };
+            Spot {
+                id: one.id,
+                rest: pick.at,
+                now,
+                by,
+                with,
+                radius: one.radius,
+                at: [None; 4],
+                off: [0.0; 3],
+            }
         });
         let spots = spots.collect();
         let picks = find_picks(lattice, "fixed vertex", settings.fixed.iter().map(|one| &one.at))?;
@@ -508,7 +426,8 @@ impl Model {
             id: one.id,
             rest: pick.at,
             now: pick.at,
-            by: [0.0; 3],
+            by: None,
+            with: None,
             radius: one.radius,
             at: [None; 4],
             off: [0.0; 3],
@@ -546,6 +465,28 @@ impl Model {
     }
 }
 
+/// The map of a name: as one of those known already has it, the first first, else in the band of the first.
+fn chosen(name: MapName, known: [&MapChoice; 2]) -> MapChoice {
+    let is = |map: &&&MapChoice| match name {
+        MapName::Octree => matches!(map, MapChoice::Octree(_)),
+        MapName::Biharmonic => matches!(map, MapChoice::Biharmonic(_)),
+    };
+    if let Some(same) = known.iter().find(is) {
+        return (*same).clone();
+    }
+    let band = match known[0] {
+        MapChoice::Octree(params) => params.band.clone(),
+        MapChoice::Biharmonic(params) => params.band.clone(),
+        MapChoice::Fem(params) => params.band.clone(),
+    };
+    match name {
+        MapName::Octree => MapChoice::Octree(OctreeParams { band, ..OctreeParams::default() }),
+        MapName::Biharmonic => {
+            MapChoice::Biharmonic(BiharmonicParams { band, ..BiharmonicParams::default() })
+        }
+    }
+}
+
 /// How far a handle is told to move its vertex.
 fn by_of(handle: &Handle) -> Vector3<f64> {
     match handle.action {
@@ -554,41 +495,10 @@ fn by_of(handle: &Handle) -> Vector3<f64> {
     }
 }
 
-/// The way along an axis that looks most like a way across a pane, whose normal is given by its direction.
-fn along(axis: Axis, way: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
-    let axis = match axis {
-        Axis::X => Vector3::x(),
-        Axis::Y => Vector3::y(),
-        Axis::Z => Vector3::z(),
-    };
-    let normal = normal.normalize();
-    let seen = axis - normal * normal.dot(&axis);
-    let length = seen.norm_squared();
-    if length < END_ON { Vector3::zeros() } else { axis * (way.dot(&seen) / length) }
-}
-
 fn nothing_there(what: &'static str) -> Error {
     Error::Request { what, problem: "nothing is seen there".into(), remedy: "point at what is shown" }
 }
 
 fn no_slice(what: &'static str) -> Error {
     Error::Request { what, problem: "the volume's pane has no slices".into(), remedy: "name another" }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_locked_drag_keeps_to_its_axis_and_follows_the_pointer() {
-        let normal = Vector3::new(1.0, 2.0, 0.5).normalize();
-        let across = Vector3::z().cross(&normal).normalize();
-        let way = across * 3.0 + across.cross(&normal) * 2.0;
-        let locked = along(Axis::X, way, normal);
-        assert_eq!((locked.y, locked.z), (0.0, 0.0));
-        // What is left of the way is seen square to the axis.
-        let seen = Vector3::x() - normal * normal.x;
-        assert!((way - locked).dot(&seen).abs() < 1e-12);
-        assert_eq!(along(Axis::Y, Vector3::x(), Vector3::y()), Vector3::zeros(), "end on");
-    }
 }

@@ -55,7 +55,7 @@ fn a_lock_keeps_the_motion_to_an_axis_of_the_patient() {
     let mut model = model(BALL);
     follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
     let locked = follow(&mut model, &Request::Drag { to: [0.53, 0.46], lock: Some(Axis::Z) });
-    let by = locked.handles[0].by;
+    let by = locked.handles[0].by.unwrap();
     assert!(by[0] == 0.0 && by[1] == 0.0 && by[2] > 0.5, "{by:?}");
 }
 
@@ -159,7 +159,6 @@ fn what_makes_no_sense_is_refused_and_changes_nothing() {
     let mut model = model(BALL);
     let before = model.figures();
     let wrong = [
-        Request::Drag { to: [0.5, 0.5], lock: None },
         Request::Grab { pane: Pane::Volume, at: [0.01, 0.01] },
         Request::Slice { pane: Pane::Volume, steps: 1 },
         Request::Resize { size: [32_768, 32_768] },
@@ -217,4 +216,43 @@ fn a_cut_opens_the_volume_towards_whoever_looks() {
     follow(&mut model, &Request::Cut { along: None });
     follow(&mut model, &Request::ResetView);
     assert_eq!(model.draw(Pane::Volume, 1, &Exec::default()).unwrap(), whole);
+}
+
+#[test]
+fn a_pin_that_is_too_far_is_refused_and_leaves_the_session_as_it_was() {
+    let mut model = model(BALL);
+    // In the middle of the ball, more than ten voxel diagonals from its surface at this level there is none; beside it neither.
+    let refused = follow(&mut model, &Request::Add { place: [80.0, 16.0, 16.0], by: [0.0; 3] }).refused;
+    assert!(refused.is_some());
+    let event = ivd_session::Event::Pin {
+        id: None,
+        pin: ivd_motion::handles::Pin {
+            at: ivd_motion::handles::Anchor::NearestTo([80.0, 16.0, 16.0]),
+            radius: 2.0,
+        },
+    };
+    let before = model.session().settings().clone();
+    assert!(model.session_mut().apply(event, &Exec::default()).is_err());
+    assert_eq!(model.session().settings(), &before);
+    let grabbed = follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    assert_eq!(grabbed.held, Some(1), "a number that was given away isn't given again");
+}
+
+#[test]
+fn a_handle_that_pulls_stays_one_when_its_force_is_typed() {
+    let pulls = "[deform]\nsolver = \"projective\"\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nforce = [0.0, 30.0, 0.0]\nradius = 9.0\n";
+    let mut model = model(&format!("{BALL}{pulls}"));
+    let first = model.figures().handles[0].clone();
+    assert_eq!((first.by, first.with), (None, Some([0.0, 30.0, 0.0])));
+    let pulled = follow(&mut model, &Request::Pull { handle: 0, with: [0.0, 40.0, 0.0] });
+    assert_eq!((pulled.refused, pulled.handles[0].with), (None, Some([0.0, 40.0, 0.0])));
+    assert!(pulled.handles[0].now[1] > first.now[1]);
+    // Taken hold of it goes on from where the force has taken it.
+    let at = pulled.handles[0].at[Pane::Axial.number()].unwrap();
+    follow(&mut model, &Request::Cross { pane: Pane::Coronal, at: [0.5, 0.5] });
+    let held = follow(&mut model, &Request::Grab { pane: Pane::Axial, at });
+    let dragged = follow(&mut model, &Request::Drag { to: at, lock: None });
+    assert_eq!((held.held, dragged.refused), (Some(0), None));
+    let off: f64 = (0..3).map(|a| (dragged.handles[0].now[a] - pulled.handles[0].now[a]).abs()).sum();
+    assert!(off < 1e-6, "it jumps by {off}");
 }

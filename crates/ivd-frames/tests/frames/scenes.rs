@@ -38,6 +38,31 @@ fn a_scene_goes_into_a_session_and_out_again_without_loss() {
 }
 
 #[test]
+fn classes_are_found_where_matter_goes_by_them() {
+    let text = "[segment]\nk = 2\n[deform]\nsolver = \"projective\"\n[deform.material.2]\nstiffness = 20.0\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n";
+    let loaded = loaded(&format!("{BALL}{text}"));
+    let (cache, exec) = (ivd_artefact::Cache::disabled(), Exec::default());
+    let subject = Subject::open(&loaded, false, &cache, &exec, &|_| ()).unwrap();
+    assert!(subject.labels.is_some());
+    let read = scene::parse(&subject.scene_of(&subject.settings).unwrap().to_text().unwrap(), &[]).unwrap();
+    let params = |scene: &scene::Scene| scene.section(&ivd_motion::deform::STAGE).unwrap().job().params();
+    assert_eq!(params(&read), params(&subject.scene));
+    assert!(ivd_frames::Model::new(subject, [64, 64], exec).is_ok());
+}
+
+#[test]
+fn a_level_that_is_asked_for_stays() {
+    let file = Path::new("scan.nii");
+    let level = |words: &[&str]| {
+        let overrides: Vec<_> = words.iter().map(|word| word.parse().unwrap()).collect();
+        let loaded = bare_scene(file, &overrides).unwrap();
+        loaded.scene.param(&ivd_lattice::refine::STAGE, "level")
+    };
+    assert_eq!(level(&["refine.level=0"]), Some(0.into()));
+    assert_eq!(level(&[]), None, "it is chosen when the lattice is there");
+}
+
+#[test]
 fn what_a_session_does_not_have_is_refused_by_name() {
     for (text, part) in [
         ("[[space.step]]\nkind = \"cut\"\npoint = [1.0, 1.0, 1.0]\nnormal = [0.0, 0.0, 1.0]\n", "[space]"),
@@ -68,12 +93,12 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
     let subject =
         Subject::open(&loaded, true, &ivd_artefact::Cache::disabled(), &Exec::default(), &|_| ()).unwrap();
     assert_eq!(&subject.volume, ball.session().rest());
-    assert_eq!((subject.settings.level, subject.said.len()), (0, 0));
+    assert_eq!((subject.settings.level, subject.said.len()), (0, 1));
     assert!(subject.transfer.is_some());
     let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
     let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
     let text = String::from_utf8(kept.bytes).unwrap();
-    assert!(text.contains("scan.nii.gz") && !text.contains('‘'), "where it lies stays untold: {text}");
+    assert!(text.contains("scan.nii.gz\"") && !text.contains('‘'), "where it lies stays untold: {text}");
     assert!(bare_scene(Path::new("x.nii"), &["lattice.isu=3".parse().unwrap()]).is_err());
 }
 

@@ -42,7 +42,7 @@ fn a_drag_in_many_requests_ends_where_the_same_without_a_service_does() {
     requests.push(Request::Drop);
     for request in requests {
         alone.follow(&request).unwrap();
-        service.ask(1, request);
+        assert!(service.ask(1, request));
     }
     let last = frame(&outputs, |frame| frame.figures["held"].is_null() && !frame.figures["undo"].is_null());
     assert_eq!(last.figures["handles"], serde_json::to_value(alone.figures()).unwrap()["handles"]);
@@ -54,7 +54,7 @@ fn a_drag_in_many_requests_ends_where_the_same_without_a_service_does() {
 #[test]
 fn answers_find_those_who_asked() {
     let (service, outputs) = service();
-    service.ask(7, Request::Drag { to: [0.5, 0.5], lock: None });
+    service.ask(7, Request::Slice { pane: Pane::Volume, steps: 1 });
     service.ask(8, Request::Save { what: Saved::Scene });
     let (mut problem, mut file) = (None, None);
     while problem.is_none() || file.is_none() {
@@ -64,7 +64,7 @@ fn answers_find_those_who_asked() {
             _ => {}
         }
     }
-    assert!(problem.is_some_and(|(client, text)| client == 7 && text.contains("nothing is held")));
+    assert!(problem.is_some_and(|(client, text)| client == 7 && text.contains("has no slices")));
     assert_eq!(file, Some((8, "scene.toml")));
 }
 

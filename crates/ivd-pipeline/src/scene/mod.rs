@@ -104,12 +104,15 @@ impl Scene {
         Ok(())
     }
 
-    /// Names another file as the input.
+    /// Names another file as the input, and none beside it.
     pub fn set_input(&mut self, file: &Path) {
-        self.input = InputSection { file: Some(file.to_owned()), phantom: None, ..self.input.clone() };
+        let file_alone = InputSection { file: Some(file.to_owned()), phantom: None, ..self.input.clone() };
+        self.input = InputSection { grid_of: None, start: None, series: None, ..file_alone };
         let input = self.written.entry("input".to_owned()).or_insert_with(|| Json::Object(Map::new()));
         if let Json::Object(input) = input {
-            input.remove("phantom");
+            for other in ["phantom", "grid_of", "start", "series"] {
+                input.remove(other);
+            }
             input.insert("file".to_owned(), file.to_string_lossy().into());
         }
     }

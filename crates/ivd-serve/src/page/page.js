@@ -113,10 +113,10 @@ function listHandles() {
       row.append(Object.assign(document.createElement("td"), { textContent: one.id }));
       for (const axis of ["x", "y", "z"]) {
         const input = Object.assign(document.createElement("input"), { type: "number", step: "any" });
-        input.setAttribute("aria-label", `Handle ${one.id}: ${axis}, mm from rest`);
+        input.setAttribute("aria-label", `Handle ${one.id}: ${axis}, ${one.with ? "mN" : "mm from rest"}`);
         input.addEventListener("change", () => {
-          const by = [...row.querySelectorAll("input")].map((field) => Number(field.value));
-          send({ do: "move", handle: one.id, by });
+          const told = [...row.querySelectorAll("input")].map((field) => Number(field.value));
+          send(row.dataset.does === "pull" ? { do: "pull", handle: one.id, with: told } : { do: "move", handle: one.id, by: told });
         });
         const cell = document.createElement("td");
         cell.append(input);
@@ -130,11 +130,16 @@ function listHandles() {
       row.append(cell);
       body.append(row);
     }
+    row.dataset.does = one.with ? "pull" : "move";
     row.className = figures.held === one.id ? "held" : "";
     row.querySelectorAll("input").forEach((field, a) => {
-      if (document.activeElement !== field) field.value = Number(one.by[a].toFixed(3));
+      if (document.activeElement !== field) field.value = Number((one.with ?? one.by)[a].toFixed(3));
     });
   }
+  const pins = JSON.stringify(figures.pins.map((pin) => [pin.id, pin.rest, pin.radius]));
+  // Made anew only where they change: what has the keyboard's focus keeps it.
+  if ($("pins").dataset.pins === pins) return;
+  $("pins").dataset.pins = pins;
   $("pins").replaceChildren(...figures.pins.map((pin) => {
     const item = document.createElement("li");
     const release = Object.assign(document.createElement("button"), { textContent: "×" });
@@ -289,6 +294,7 @@ for (const name of panes) {
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
     if (!drives || !figures) { if (mayDrive && !drives) send({ do: "take" }); return; }
+    if (press) return;
     canvas.focus();
     canvas.setPointerCapture(event.pointerId);
     const at = share(event, name);
@@ -300,7 +306,7 @@ for (const name of panes) {
     if (does === "cross") now({ do: "cross", pane: name, at });
   });
   canvas.addEventListener("pointermove", (event) => {
-    if (!drives || !figures) return;
+    if (!drives || !figures || (press && press.pointer !== event.pointerId)) return;
     const at = share(event, name);
     if (!press) {
       if (at.every((c) => c >= 0 && c <= 1)) soon({ do: "hover", pane: name, at }, newest);
@@ -318,12 +324,13 @@ for (const name of panes) {
       case "handle": return soon({ do: "drag", to: within, lock }, newest);
     }
   });
-  const released = () => {
+  const released = (event) => {
+    if (press && press.pointer !== event.pointerId) return;
     if (press?.does === "handle") now({ do: "drop" });
     press = null; lock = null;
   };
   canvas.addEventListener("pointerup", released);
-  canvas.addEventListener("pointercancel", () => { if (press?.does === "handle") now({ do: "abandon" }); press = null; });
+  canvas.addEventListener("pointercancel", () => { if (press?.does === "handle") now({ do: "abandon" }); press = null; lock = null; });
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     if (!drives || !figures) return;

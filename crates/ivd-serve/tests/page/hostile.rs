@@ -126,6 +126,8 @@ fn a_message_that_is_too_long_ends_its_connection_alone() {
     let (mut long, mut other) = (server.join(&server.links.drive), server.join(&server.links.watch));
     long.hear_of("hello", |_| true);
     long.send_text(format!("{{\"do\":\"undo\"{}}}", " ".repeat(70_000)));
+    let start = std::time::Instant::now();
     while long.hear().is_some() {}
+    assert!(start.elapsed() < std::time::Duration::from_secs(30), "it is ended, not waited for");
     other.hear_of("frame", |_| true);
 }

@@ -1,0 +1,186 @@
+//! What is under the pointer, and what is held.
+
+use ivd_core::{VoxelCoord, World};
+use ivd_field::sampler::{Sampler, gradient};
+use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
+use ivd_session::{Event, Id};
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Drag, Model, nothing_there};
+use crate::figures::{Hovered, Spot};
+use crate::panes::Across;
+use crate::request::MOST_HANDLES;
+use crate::{Axis, Error, Pane};
+
+/// A handle is taken hold of from so far away (shares of the pane).
+const NEAR: f64 = 0.025;
+/// A handle lies in a slice, or isn't hidden, up to so many voxels beyond it.
+const BESIDE: f64 = 2.5;
+/// Newton's steps at most: two or three are enough.
+const NEWTON: usize = 6;
+/// An axis that is seen this nearly end on can't be dragged along (squared sine).
+const END_ON: f64 = 0.01;
+
+impl Model {
+    /// Where what is now at a place was at rest (mm, RAS): between voxels closer than the inverse field, by Newton's steps on the forward one from there.
+    pub fn rest_of(&self, place: [f64; 3]) -> [f64; 3] {
+        let displacement = self.session.displacement();
+        let grid = displacement.grid();
+        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+        let forward = Sampler::new(displacement.forward(), grid);
+        let mut rest = voxel + Sampler::new(displacement.inverse(), grid).at(voxel);
+        let mut off = rest + forward.at(rest) - voxel;
+        for _ in 0..NEWTON {
+            let (cell, within) = forward.locate(rest);
+            let slope = Matrix3::identity() + gradient(&forward.corners(cell), within);
+            let Some(step) = slope.try_inverse().map(|inverse| inverse * off) else { break };
+            let next = rest - step;
+            let left = next + forward.at(next) - voxel;
+            // Where nothing has gone from, as beside what is left behind, no step comes nearer.
+            if left.norm() >= off.norm() {
+                break;
+            }
+            (rest, off) = (next, left);
+        }
+        grid.world(VoxelCoord(rest)).0.into()
+    }
+
+    /// What lies under the pointer.
+    pub(super) fn hover(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Hovered>, Error> {
+        let Some(place) = self.look(pane, at)? else { return Ok(None) };
+        let rest = self.rest_of(place);
+        let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
+        let vertex = found.ok().and_then(|picks| picks.first().map(|pick| (pick.at, pick.away())));
+        let volume = self.session.deformed();
+        let grid = volume.grid();
+        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+        let value =
+            grid.nearest_voxel(voxel).map(|voxel| volume.value(voxel)).filter(|value| value.is_finite());
+        Ok(Some(Hovered {
+            pane,
+            place,
+            rest,
+            value,
+            handle: self.handle_at(pane, at)?,
+            vertex: vertex.map(|(at, _)| at),
+            away_mm: vertex.map(|(_, away)| away),
+            at: self.panes.shares(grid, &self.lens, place),
+        }))
+    }
+
+    /// The handle that a pane shows at a place: in a slice one that lies beside it, in the volume one that nothing hides.
+    fn handle_at(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Id>, Error> {
+        let away = |spot: &Spot| {
+            let there = spot.at[pane.number()]?;
+            Some((there[0] - at[0]).hypot(there[1] - at[1]))
+        };
+        let mut near: Vec<(f64, &Spot)> = self
+            .spots
+            .iter()
+            .filter_map(|spot| Some((away(spot)?, spot)))
+            .filter(|(away, _)| *away <= NEAR)
+            .collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let diagonal = self.session.rest().grid().voxel_diagonal();
+        let towards_eye = Vector3::from(self.lens.axes()[2]);
+        for (_, spot) in near {
+            let seen = match (pane.number().checked_sub(1), spot.at[pane.number()]) {
+                (Some(slice), _) => spot.off[slice].abs() <= BESIDE,
+                (None, None) => false,
+                (None, Some(there)) => self.look(pane, there)?.is_none_or(|place| {
+                    (Vector3::from(place) - Vector3::from(spot.now)).dot(&towards_eye) <= BESIDE * diagonal
+                }),
+            };
+            if seen {
+                return Ok(Some(spot.id));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Takes hold of a handle, or makes one.
+    pub(super) fn grab(&mut self, pane: Pane, at: [f64; 2]) -> Result<(), Error> {
+        self.let_go()?;
+        let grid = self.session.rest().grid().clone();
+        let taken = self.handle_at(pane, at)?;
+        let (handle, place) = if let Some(id) = taken {
+            self.session.begin("drag")?;
+            let spot = self.spots.iter().find(|spot| spot.id == id);
+            (id, spot.map_or([0.0; 3], |spot| spot.now))
+        } else {
+            self.no_more_than(MOST_HANDLES)?;
+            let Some(place) = self.look(pane, at)? else { return Err(nothing_there("grab")) };
+            let handle = Handle {
+                at: Anchor::NearestTo(self.rest_of(place)),
+                action: Action::Move([0.0; 3]),
+                radius: self.radius,
+            };
+            self.session.begin("drag a new handle")?;
+            self.apply(Event::Add { id: None, handle })?;
+            let Some(added) = self.session.settings().handles.last().filter(|_| self.refused.is_none())
+            else {
+                self.session.abandon(&self.exec)?;
+                return Ok(());
+            };
+            (added.id, place)
+        };
+        let held = self.session.settings().handles.iter().find(|one| one.id == handle);
+        let by = match held.map(|held| held.action) {
+            Some(Action::Move(by)) => Vector3::from(by),
+            // Where the force has taken it: from there it goes with the hand.
+            Some(Action::Force(_)) | None => {
+                let spot = self.spots.iter().find(|spot| spot.id == handle);
+                spot.map_or_else(Vector3::zeros, |spot| Vector3::from(spot.now) - Vector3::from(spot.rest))
+            }
+        };
+        if let Some(held) = held {
+            self.radius = held.radius;
+        }
+        let across = self.panes.across(pane, &grid, &self.lens, place);
+        self.drag = Some(Drag { handle, from: at, by, across, wanted: by });
+        Ok(())
+    }
+
+    /// Moves what is held.
+    pub(super) fn drag(&mut self, to: [f64; 2], lock: Option<Axis>) -> Result<(), Error> {
+        // Nothing was taken hold of, or it was let go meanwhile: why was said then.
+        let Some(mut drag) = self.drag else { return Ok(()) };
+        let Across { right, down } = drag.across;
+        let way = right * (to[0] - drag.from[0]) + down * (to[1] - drag.from[1]);
+        let way = lock.map_or(way, |axis| along(axis, way, right.cross(&down)));
+        drag.wanted = drag.by + way;
+        self.drag = Some(drag);
+        self.apply(Event::Move { handle: drag.handle, by: drag.wanted.into() })
+    }
+}
+
+/// The way along an axis that looks most like a way across a pane, whose normal is given by its direction.
+fn along(axis: Axis, way: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
+    let axis = match axis {
+        Axis::X => Vector3::x(),
+        Axis::Y => Vector3::y(),
+        Axis::Z => Vector3::z(),
+    };
+    let normal = normal.normalize();
+    let seen = axis - normal * normal.dot(&axis);
+    let length = seen.norm_squared();
+    if length < END_ON { Vector3::zeros() } else { axis * (way.dot(&seen) / length) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_locked_drag_keeps_to_its_axis_and_follows_the_pointer() {
+        let normal = Vector3::new(1.0, 2.0, 0.5).normalize();
+        let across = Vector3::z().cross(&normal).normalize();
+        let way = across * 3.0 + across.cross(&normal) * 2.0;
+        let locked = along(Axis::X, way, normal);
+        assert_eq!((locked.y, locked.z), (0.0, 0.0));
+        // What is left of the way is seen square to the axis.
+        let seen = Vector3::x() - normal * normal.x;
+        assert!((way - locked).dot(&seen).abs() < 1e-12);
+        assert_eq!(along(Axis::Y, Vector3::x(), Vector3::y()), Vector3::zeros(), "end on");
+    }
+}
