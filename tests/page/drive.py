@@ -260,7 +260,8 @@ def work(browser, links, program, folder, pictures):
     tab.until("document.querySelectorAll('#handles tr').length === 0", "Ctrl+Z takes the handle away")
     tab.run("document.querySelector('input[value=turn]').click()")
     tab.settle()
-    check(changed(before["axial"], tab.pixels("axial")) == 0, "and the slices are those of the beginning")
+    share = changed(before["volume"], tab.pixels("volume"))
+    check(share == 0, "and the volume's picture is that of the beginning")
 
     # The keyboard alone: a handle at a place, moved by its row, undone.
     tab.run("document.getElementById('place').focus()")

@@ -56,6 +56,7 @@ pub struct Session {
     settings: Settings,
     motion: Option<Motion>,
     moved: MapUpdate,
+    last: Update,
     deformed: Deformed,
     history: History,
     /// What goes on, to be one step.
@@ -94,6 +95,7 @@ impl Session {
             levels: BTreeMap::new(),
             settings: Settings { warp: settings.warp.clone(), ..Settings::default() },
             motion: None,
+            last: Update { min_det_j: 1.0, ..Update::default() },
             deformed,
             history: History::default(),
             gesture: None,
@@ -290,6 +292,11 @@ impl Session {
         Ok(())
     }
 
+    /// What the last event changed, or the beginning, where the first settings move something.
+    pub fn last(&self) -> &Update {
+        &self.last
+    }
+
     /// What the state follows from.
     pub fn settings(&self) -> &Settings {
         &self.settings
@@ -358,6 +365,7 @@ impl Session {
             self.moved = moved;
         }
         self.settings = next;
+        self.last = update.clone();
         Ok(update)
     }
 

@@ -9,6 +9,9 @@ pub(crate) struct ServeArgs {
     /// Scan, or scene (.toml). Default: the generated head of `ivd demo`.
     #[arg(value_name = "FILE|SCENE")]
     pub(crate) file: Option<PathBuf>,
+    /// Use this scan instead of the scene's.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) input: Option<PathBuf>,
     /// Override a key of the scene, or of that which a scan alone is opened by, such as lattice.iso=60.
     #[arg(long = "set", value_name = "stage.key=value")]
     pub(crate) overrides: Vec<Override>,

@@ -21,7 +21,7 @@ const SIZE: [usize; 2] = [512; 2];
 /// Serves until it is interrupted.
 pub(super) fn run(args: ServeArgs, context: &Context) -> anyhow::Result<()> {
     let is_scene = |file: &Path| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-    let (loaded, is_bare) = match &args.file {
+    let (mut loaded, is_bare) = match &args.file {
         None => {
             let scene = scene::parse(DEMO, &args.overrides).map_err(Failure::usage)?;
             (Loaded { scene, folder: PathBuf::from("."), file: "demo.toml".into() }, false)
@@ -29,6 +29,11 @@ pub(super) fn run(args: ServeArgs, context: &Context) -> anyhow::Result<()> {
         Some(file) if is_scene(file) => (scene::load(file, &args.overrides)?, false),
         Some(file) => (bare_scene(file, &args.overrides).map_err(|error| failed(&error))?, true),
     };
+    if let Some(input) = &args.input {
+        // From here on it lies where it lies, not beside the scene.
+        loaded.scene.input.file = Some(std::path::absolute(input)?);
+        loaded.scene.input.phantom = None;
+    }
     let place = args.socket.map_or(Place::Port(args.port), Place::Socket);
     let (cache, exec) = (context.pipeline_cache()?, context.exec.clone());
     let open = move |tell: Arc<Tell>| {

@@ -89,13 +89,14 @@ impl Model {
             drag: None,
             hovered: None,
             refused: None,
-            last: Update { min_det_j: 1.0, ..Update::default() },
+            last: Update::default(),
             spots: Vec::new(),
             pins: Vec::new(),
             versions: [1; 4],
             exec,
             subject,
         };
+        model.last = model.session.last().clone();
         model.find_spots()?;
         Ok(model)
     }

@@ -38,6 +38,19 @@ fn a_scene_goes_into_a_session_and_out_again_without_loss() {
 }
 
 #[test]
+fn a_scene_that_moves_something_opens_as_it_is_moved() {
+    let text = "[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -2.0, 0.0]\nradius = 9.0\n";
+    let mut opened = model(&format!("{BALL}{text}"));
+    let mut by_hand = model(BALL);
+    by_hand.follow(&Request::Radius { handle: None, radius: 9.0 }).unwrap();
+    by_hand.follow(&Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -2.0, 0.0] }).unwrap();
+    let (first, second) = (opened.figures(), by_hand.figures());
+    assert!(first.largest_mm > 1.0 && first.min_det_j < 1.0, "{first:?}");
+    assert_eq!((first.largest_mm, first.min_det_j), (second.largest_mm, second.min_det_j));
+    assert_eq!(opened.session().deformed(), by_hand.session().deformed());
+}
+
+#[test]
 fn classes_are_found_where_matter_goes_by_them() {
     let text = "[segment]\nk = 2\n[deform]\nsolver = \"projective\"\n[deform.material.2]\nstiffness = 20.0\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n";
     let loaded = loaded(&format!("{BALL}{text}"));

@@ -75,7 +75,7 @@ async function received(data) {
 
 // ---------------------------------------------------------------- what is said
 const status = (text) => { $("status").textContent = text; };
-let complaint = 0;
+let complaint = 0, refused = false;
 function complain(text) {
   $("problem").textContent = text;
   $("problem").hidden = false;
@@ -87,11 +87,13 @@ const milli = (s) => `${Math.round(1000 * s)} ms`;
 
 function tell() {
   const f = figures, [solve, map, warp] = f.times;
-  const parts = [`largest motion ${few(f.largest_mm)} mm`, `det J ≥ ${few(f.min_det_j, 3)}`, `${f.vertices} vertices at level ${f.level}`,
-    `lattice ${milli(solve)}, map ${milli(map)}, voxels ${milli(warp)}, picture ${milli(f.draw_s)}`];
   const h = f.hovered;
-  if (h) parts.push(`${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm`);
-  status(parts.join(" · "));
+  const parts = [h ? `${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm` : null, `largest motion ${few(f.largest_mm)} mm`, `det J ≥ ${few(f.min_det_j, 3)}`, `${f.vertices} vertices at level ${f.level}`,
+    `lattice ${milli(solve)}, map ${milli(map)}, voxels ${milli(warp)}, picture ${milli(f.draw_s)}`];
+  status(parts.filter(Boolean).join(" · "));
+  // What was refused is past once something is followed.
+  if (!f.refused && refused) $("problem").hidden = true;
+  refused = Boolean(f.refused);
   if (f.refused) complain(`${f.refused.ahead_mm > 0 ? `The hand is ${few(f.refused.ahead_mm, 1)} mm ahead: ` : ""}${f.refused.why}`);
   $("undo").disabled = !f.undo; $("undo").title = f.undo ? `Undo: ${f.undo}` : "";
   $("redo").disabled = !f.redo; $("redo").title = f.redo ? `Redo: ${f.redo}` : "";
@@ -102,6 +104,14 @@ function tell() {
   listHandles();
 }
 
+// The slices meet at a handle.
+function goTo(id) {
+  const one = figures?.handles.find((handle) => handle.id === id);
+  if (!one) return;
+  now({ do: "cross", pane: "axial", at: one.at[1] });
+  now({ do: "cross", pane: "coronal", at: one.at[2] });
+}
+
 function listHandles() {
   const body = $("handles"), there = new Set(figures.handles.map((one) => `handle-${one.id}`));
   for (const row of [...body.children]) if (!there.has(row.id)) row.remove();
@@ -110,11 +120,18 @@ function listHandles() {
     if (!row) {
       row = document.createElement("tr");
       row.id = `handle-${one.id}`;
-      row.append(Object.assign(document.createElement("td"), { textContent: one.id }));
+      const number = document.createElement("td");
+      const go = Object.assign(document.createElement("button"), { textContent: one.id, title: "Slices go there" });
+      go.setAttribute("aria-label", `Go to handle ${one.id}`);
+      go.addEventListener("click", () => goTo(one.id));
+      number.append(go);
+      row.append(number);
       for (const axis of ["x", "y", "z"]) {
         const input = Object.assign(document.createElement("input"), { type: "number", step: "any" });
         input.setAttribute("aria-label", `Handle ${one.id}: ${axis}, ${one.with ? "mN" : "mm from rest"}`);
         input.addEventListener("change", () => {
+          // What it shows from here on is what is.
+          input.blur();
           const told = [...row.querySelectorAll("input")].map((field) => Number(field.value));
           send(row.dataset.does === "pull" ? { do: "pull", handle: one.id, with: told } : { do: "move", handle: one.id, by: told });
         });
@@ -326,7 +343,11 @@ for (const name of panes) {
   });
   const released = (event) => {
     if (press && press.pointer !== event.pointerId) return;
-    if (press?.does === "handle") now({ do: "drop" });
+    if (press?.does === "handle") {
+      now({ do: "drop" });
+      // Seen from outside alone it would not be seen in any slice.
+      if (name === "volume" && figures.held != null) goTo(figures.held);
+    }
     press = null; lock = null;
   };
   canvas.addEventListener("pointerup", released);
@@ -354,6 +375,7 @@ addEventListener("keydown", (event) => {
   if (event.key === "Escape") {
     if (press?.does === "handle") { wanted = wanted?.filter((one) => one.do !== "drag") ?? null; now({ do: "abandon" }); }
     press = null;
+    if (!$("keys").hidden) $("help").click();
     return;
   }
   const key = event.key.toLowerCase();
@@ -384,6 +406,7 @@ $("help").addEventListener("click", () => {
 });
 $("tools").addEventListener("change", draw);
 const number = (id, request) => $(id).addEventListener("change", () => {
+  $(id).blur();
   const value = Number($(id).value);
   if ($(id).value !== "" && Number.isFinite(value)) send(request(value));
 });
