@@ -57,7 +57,7 @@ impl Panes {
         // What fits at first stays so: a camera that follows what is seen would move while that is deformed.
         let seen = panes.prepared(volume, transfer, size, false, exec)?.lens(panes.view)?;
         panes.picture.fit = Fit::Volume;
-        let whole = panes.prepared(volume, transfer, size, false, exec)?.lens(panes.view)?;
+        let whole = panes.lens(grid)?;
         let (middle, off) = (seen.middle(), whole.middle());
         let zoom = panes.view.zoom * whole.pixel_at(off) / seen.pixel_at(middle);
         panes.first = View { target: Some(middle), zoom, ..panes.view };
@@ -76,16 +76,15 @@ impl Panes {
     ) -> Result<Prepared<'a>, Error> {
         let step = self.picture.step * if coarse && self.picture.step <= 2.0 { COARSE_STEP } else { 1.0 };
         let mut params = RenderParams { size, step, view: self.view, ..self.picture.clone() };
-        params.clip.extend(self.clip(volume.grid()));
+        params.clip.extend(self.clip(volume.grid())?);
         Ok(Prepared::new(&Scene { transfer, ..Scene::new(volume) }, &params, exec)?)
     }
 
     /// What is left of the volume's picture where it is cut open: the side away from the viewer.
-    fn clip(&self, grid: &Grid) -> Option<Clip> {
-        let [azimuth, elevation] = self.view.angles.map(f64::to_radians);
-        let towards_eye =
-            Vector3::new(-azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin());
-        let normal = match self.plane(self.cut?) {
+    fn clip(&self, grid: &Grid) -> Result<Option<Clip>, Error> {
+        let Some(along) = self.cut else { return Ok(None) };
+        let towards_eye = Vector3::from(self.lens(grid)?.axes()[2]);
+        let normal = match self.plane(along) {
             None => -towards_eye,
             Some(plane) => {
                 let [right, down] = plane.ways(grid).map(Vector3::from);
@@ -94,7 +93,7 @@ impl Panes {
             }
         };
         let point = grid.world(VoxelCoord(self.cross.into())).0;
-        Some(Clip::plane(point.into(), normal.into()))
+        Ok(Some(Clip::plane(point.into(), normal.into())))
     }
 
     /// The volume's picture; `coarser`: by how many its sides are divided.
@@ -111,13 +110,9 @@ impl Panes {
     }
 
     /// How the volume's pane turns places into pixels.
-    pub(crate) fn lens(
-        &self,
-        volume: &Volume,
-        transfer: Option<&TransferFunction>,
-        exec: &Exec,
-    ) -> Result<Lens, Error> {
-        Ok(self.prepared(volume, transfer, self.size, false, exec)?.lens(self.view)?)
+    pub(crate) fn lens(&self, grid: &Grid) -> Result<Lens, Error> {
+        let params = RenderParams { size: self.size, view: self.view, ..self.picture.clone() };
+        Ok(Lens::of_volume(grid, &params)?)
     }
 
     /// The place that a pane shows at a share of it (mm, RAS); `None` where there is nothing.

@@ -77,22 +77,16 @@ fn written(
     options: ExportOptions<'_>,
     exec: &Exec,
 ) -> Result<Vec<u8>, Error> {
-    let failed = |error: std::io::Error| {
+    // Where files lie on this machine is said on its terminal alone.
+    let failed = |error: &dyn std::fmt::Display| {
         exec.observer().note(&format!("{name} can't be written: {error}"));
         Error::Io {
             what: "a file to be kept",
             problem: format!("{name} can't be written; ivd says why where it runs"),
         }
     };
-    let folder = tempfile::tempdir().map_err(failed)?;
+    let folder = tempfile::tempdir().map_err(|error| failed(&error))?;
     let path = folder.path().join(name);
-    export_with(artefact, &path, &options, exec).map_err(|error| {
-        // Where files lie on this machine is said on its terminal alone.
-        exec.observer().note(&format!("{name} can't be written: {error}"));
-        Error::Io {
-            what: "a file to be kept",
-            problem: format!("{name} can't be written; ivd says why where it runs"),
-        }
-    })?;
-    std::fs::read(&path).map_err(failed)
+    export_with(artefact, &path, &options, exec).map_err(|error| failed(&error))?;
+    std::fs::read(&path).map_err(|error| failed(&error))
 }

@@ -54,23 +54,9 @@ impl Picture {
     /// A size that PNG files don't have.
     pub fn png(&self) -> Result<&[u8], Error> {
         if self.png.get().is_none() {
-            let _ = self.png.set(self.encoded()?);
+            let _ = self.png.set(ivd_pipeline::quick_png_bytes(&self.image)?);
         }
         Ok(self.png.get().map_or(&[], Vec::as_slice))
-    }
-
-    fn encoded(&self) -> Result<Vec<u8>, Error> {
-        let failed = |error: png::EncodingError| Error::Io { what: "a picture", problem: error.to_string() };
-        let mut bytes = Vec::new();
-        let (width, height) = (self.image.width() as u32, self.image.height() as u32);
-        let mut encoder = png::Encoder::new(&mut bytes, width, height);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::Fastest);
-        let mut writer = encoder.write_header().map_err(failed)?;
-        writer.write_image_data(self.image.rgba()).map_err(failed)?;
-        writer.finish().map_err(failed)?;
-        Ok(bytes)
     }
 }
 

@@ -167,12 +167,9 @@ fn none(part: impl Into<String>) -> Error {
 /// Refuses what a session has no place for: it would show something else than the scene.
 fn check(scene: &Scene) -> Result<(), Error> {
     let written = |stage| scene.section(stage).and_then(|section| section.written());
-    for stage in [
-        &ivd_map::space::STAGE,
-        &ivd_field::combine::STAGE,
-        &ivd_field::clip::STAGE,
-        ivd_pipeline::list::stage("octree").unwrap_or(&ivd_map::space::STAGE),
-    ] {
+    for stage in
+        [&ivd_map::space::STAGE, &ivd_field::combine::STAGE, &ivd_field::clip::STAGE, &ivd_octree::STAGE]
+    {
         if written(stage).is_some_and(|keys| !keys.is_empty()) {
             return Err(none(format!("[{}]", stage.name)));
         }
@@ -278,13 +275,7 @@ fn scene_of(scene: &Scene, settings: &Settings) -> Result<Scene, Error> {
         };
         fixed.push(json!({ "pick": point, "radius": pin.radius }));
     }
-    let given = |mut keys: Json| {
-        if let Json::Object(keys) = &mut keys {
-            keys.retain(|_, value| !value.is_null());
-        }
-        keys
-    };
-    let shapes: Vec<Json> = settings.shapes.iter().map(|one| given(json!(one.what))).collect();
+    let shapes: Vec<Json> = settings.shapes.iter().map(|one| json!(one.what)).collect();
     let list = |all: Vec<Json>| (!all.is_empty()).then_some(Json::Array(all));
 
     let stage = &ivd_motion::deform::STAGE;
@@ -335,11 +326,9 @@ fn replace(
         .collect();
     let gone: Vec<(&str, Option<Json>)> = before.iter().map(|key| (&**key, None)).collect();
     scene.set(stage, &gone)?;
-    let mut keys = Vec::new();
     if !selector.is_empty() {
-        keys.push((selector, Some(json!(method))));
+        scene.set(stage, &[(selector, Some(json!(method)))])?;
     }
-    scene.set(stage, &keys)?;
     let defaults = scene.section(stage).map(|section| section.job().params()).unwrap_or_default();
     let Json::Object(params) = params else { return Ok(()) };
     let differs = params.iter().filter(|(key, value)| !value.is_null() && defaults.get(*key) != Some(*value));

@@ -62,7 +62,7 @@ pub use describe::describe;
 pub use error::Error;
 pub use export::{
     ExportOptions, check_frame, ending, export, export_with, labels_volume, mask_volume, png_bytes,
-    write_text,
+    quick_png_bytes, write_text,
 };
 pub use frames::map_frame;
 pub use ivd_core::op::Slot;

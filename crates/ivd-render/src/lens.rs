@@ -1,8 +1,10 @@
 //! From places to pixels and back, for whoever draws over a picture or takes hold of what it shows.
 
+use ivd_core::Grid;
 use nalgebra::Vector3;
 
 use crate::camera::Camera;
+use crate::fit::Held;
 use crate::{Error, Prepared, Projection, RenderParams, View};
 
 /// How a view turns places into pixels. Places are mm, RAS; pixels count from the middle of the top left one.
@@ -12,8 +14,17 @@ pub struct Lens {
 }
 
 impl Lens {
-    pub(crate) fn new(camera: Camera, middle: Vector3<f64>) -> Self {
-        Self { camera, middle }
+    fn new(camera: Camera) -> Self {
+        Self { middle: camera.centre(), camera }
+    }
+
+    /// That of pictures that hold the whole volume ([`Fit::Volume`](crate::Fit)) at zoom 1, whatever is seen of it: known without a look at a voxel.
+    ///
+    /// # Errors
+    /// [`ivd_core::Error::Param`] names a parameter outside its domain.
+    pub fn of_volume(grid: &Grid, params: &RenderParams) -> Result<Self, Error> {
+        params.check()?;
+        Ok(Self::new(Camera::new(grid, params, &Held::Volume)))
     }
 
     /// Where a place is seen, as column and row; `None` behind the eye.
@@ -51,8 +62,6 @@ impl Prepared<'_> {
     pub fn lens(&self, view: View) -> Result<Lens, Error> {
         let params = RenderParams { view, ..self.params().clone() };
         params.check()?;
-        let camera = self.camera(&params);
-        let middle = camera.centre();
-        Ok(Lens::new(camera, middle))
+        Ok(Lens::new(self.camera(&params)))
     }
 }

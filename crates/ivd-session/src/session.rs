@@ -104,7 +104,7 @@ impl Session {
         };
         session.make_level(settings.level, exec)?;
         let mut settings = settings;
-        let lattice = session.levels.get(&settings.level).map_or(&session.finest, |level| &level.lattice);
+        let lattice = &session.levels[&settings.level].lattice;
         settings.handles.iter_mut().for_each(|handle| anchor(lattice, &mut handle.what.at));
         settings.fixed.iter_mut().for_each(|fix| anchor(lattice, &mut fix.what.at));
         session.go_to(settings, exec)?;
@@ -117,8 +117,8 @@ impl Session {
     /// # Errors
     /// As [`Settings::after`]; a deformation that isn't possible; the memory limit, cancellation. Nothing has changed then.
     pub fn apply(&mut self, mut event: Event, exec: &Exec) -> Result<Update, Error> {
+        self.complete(&mut event);
         let next = self.settings.after(&event)?;
-        let next = if self.complete(&mut event) { self.settings.after(&event)? } else { next };
         let before = self.settings.clone();
         let update = self.go_to(next, exec)?;
         match &mut self.gesture {
@@ -130,23 +130,21 @@ impl Session {
         Ok(update)
     }
 
-    /// Gives an event the number and the place that it goes by from now on; whether that changed anything.
-    fn complete(&mut self, event: &mut Event) -> bool {
+    /// Gives an event the number and the place that it goes by from now on.
+    fn complete(&mut self, event: &mut Event) {
         let number = match event {
             Event::Add { id, .. } => Some((id, 0)),
             Event::Pin { id, .. } => Some((id, 1)),
             Event::Shape { id, .. } => Some((id, 2)),
             _ => None,
         };
-        let numbers = number.is_some();
         if let Some((id, list)) = number {
             let given = *id.get_or_insert(self.next[list]);
             self.next[list] = self.next[list].max(given.saturating_add(1));
         }
-        let Some(at) = event.anchor_mut() else { return numbers };
-        let lattice = self.levels.get(&self.settings.level).map_or(&self.finest, |level| &level.lattice);
-        anchor(lattice, at);
-        true
+        if let Some(at) = event.anchor_mut() {
+            anchor(self.lattice(), at);
+        }
     }
 
     fn note(&mut self, step: Step, before: Settings) {
@@ -245,7 +243,7 @@ impl Session {
             Entry::Redo => self.redo(exec)?.map(|_| ()).ok_or_else(|| nothing("redo")),
             Entry::Step(mut step) => {
                 self.no_gesture("replay")?;
-                step.events.iter_mut().for_each(|event| _ = self.complete(event));
+                step.events.iter_mut().for_each(|event| self.complete(event));
                 // The last state counts alone: the ways there may not even be possible.
                 let next = step
                     .events

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ivd_budget::{Budget, BudgetedReport};
-use ivd_pipeline::scene::{self, Loaded};
+use ivd_pipeline::scene::{self, Loaded, Override};
 use ivd_pipeline::{Before, PipelineOptions, default_out};
 
 use crate::args::Pipeline;
@@ -11,12 +11,17 @@ use crate::context::Context;
 use crate::exit::{Failure, Unfinished};
 
 /// The scene of the demo: a generated head, its nose pressed in.
-pub(super) const DEMO: &str = include_str!("../../../../fixtures/scenes/bust.toml");
+const DEMO: &str = include_str!("../../../../fixtures/scenes/bust.toml");
+
+/// The scene of the demo, with overrides.
+pub(super) fn demo_scene(overrides: &[Override]) -> anyhow::Result<Loaded> {
+    let scene = scene::parse(DEMO, overrides).map_err(Failure::usage)?;
+    Ok(Loaded { scene, folder: ".".into(), file: "demo.toml".into() })
+}
 
 /// `ivd demo`.
 pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
-    let scene = scene::parse(DEMO, &[]).map_err(Failure::usage)?;
-    let loaded = Loaded { scene, folder: ".".into(), file: "demo.toml".into() };
+    let loaded = demo_scene(&[])?;
     let options = PipelineOptions { out: out.to_owned(), ..PipelineOptions::default() };
     let before = Before::look(Some(&loaded.scene), out);
     let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)

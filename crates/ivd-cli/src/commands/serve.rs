@@ -1,16 +1,16 @@
 //! `ivd serve`: a session in a browser.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use ivd_core::Classified as _;
 use ivd_frames::{Model, Subject, bare_scene};
-use ivd_pipeline::scene::{self, Loaded};
+use ivd_pipeline::scene;
 use ivd_serve::{Links, Options, Place, Tell};
 use serde_json::json;
 
-use super::pipeline::DEMO;
+use super::pipeline::demo_scene;
 use crate::args::ServeArgs;
 use crate::context::Context;
 use crate::exit::Failure;
@@ -22,10 +22,7 @@ const SIZE: [usize; 2] = [512; 2];
 pub(super) fn run(args: ServeArgs, context: &Context) -> anyhow::Result<()> {
     let is_scene = |file: &Path| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
     let (mut loaded, is_bare) = match &args.file {
-        None => {
-            let scene = scene::parse(DEMO, &args.overrides).map_err(Failure::usage)?;
-            (Loaded { scene, folder: PathBuf::from("."), file: "demo.toml".into() }, false)
-        }
+        None => (demo_scene(&args.overrides)?, false),
         Some(file) if is_scene(file) => (scene::load(file, &args.overrides)?, false),
         Some(file) => (bare_scene(file, &args.overrides).map_err(|error| failed(&error))?, true),
     };

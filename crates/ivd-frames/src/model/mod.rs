@@ -20,6 +20,7 @@ use crate::{Error, MapName, Pane, Request, Subject};
 
 /// A solve that takes longer is refused: a window that doesn't answer is worse.
 const MOST_WORK: Duration = Duration::from_secs(15);
+
 /// What is shown and worked on.
 pub struct Model {
     subject: Subject,
@@ -35,7 +36,6 @@ pub struct Model {
     drag: Option<Drag>,
     hovered: Option<Hovered>,
     refused: Option<Refused>,
-    last: Update,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
     /// Rise with every change of what a pane shows.
@@ -64,7 +64,7 @@ impl Model {
         let (volume, transfer) = (&subject.volume, subject.transfer.clone());
         volume.find_bricks(&exec)?;
         let panes = Panes::new(volume, transfer.as_ref(), &subject.picture, size, &exec)?;
-        let lens = panes.lens(volume, transfer.as_ref(), &exec)?;
+        let lens = panes.lens(volume.grid())?;
         let window = Window::of(volume);
         let extent = volume.grid().extent();
         let side = (0..3).map(|a| extent[1][a] - extent[0][a]).fold(f64::INFINITY, f64::min);
@@ -89,14 +89,12 @@ impl Model {
             drag: None,
             hovered: None,
             refused: None,
-            last: Update::default(),
             spots: Vec::new(),
             pins: Vec::new(),
             versions: [1; 4],
             exec,
             subject,
         };
-        model.last = model.session.last().clone();
         model.find_spots()?;
         Ok(model)
     }
@@ -119,11 +117,6 @@ impl Model {
     /// Rise with every change of what a pane shows.
     pub fn versions(&self) -> [u64; 4] {
         self.versions
-    }
-
-    /// Whether something is held.
-    pub fn is_held(&self) -> bool {
-        self.drag.is_some()
     }
 
     /// Follows a request. What can't be deformed as asked isn't an error: the last state stays, and the figures say why.
@@ -180,7 +173,8 @@ impl Model {
                 let place = self.panes.cross[plane.cut()].round() + f64::from(*steps);
                 self.panes.cross[plane.cut()] = place.clamp(0.0, last);
                 self.touch(&[*pane]);
-                self.moved_cross()
+                self.moved_cross();
+                Ok(())
             }
             Request::Cross { pane, at } => {
                 if let Some(place) = self.look(*pane, *at)? {
@@ -195,12 +189,14 @@ impl Model {
                         .map(|(_, b)| b.0)
                         .collect();
                     self.touch(&moved);
+                    self.moved_cross();
                 }
-                self.moved_cross()
+                Ok(())
             }
             Request::Cut { along } => {
                 self.panes.cut = *along;
-                self.moved_camera()
+                self.touch(&[Pane::Volume]);
+                Ok(())
             }
             Request::Hover { pane, at } => {
                 self.hovered = self.hover(*pane, *at)?;
@@ -209,18 +205,14 @@ impl Model {
             Request::Grab { pane, at } => self.grab(*pane, *at),
             Request::Drag { to, lock } => self.drag(*to, *lock),
             Request::Drop => {
-                self.drag = None;
                 self.refused = None;
-                if self.session.in_gesture() {
-                    self.session.commit()?;
-                }
-                Ok(())
+                self.let_go()
             }
             Request::Abandon => {
                 (self.drag, self.refused) = (None, None);
                 if self.session.in_gesture() {
                     let update = self.session.abandon(&self.exec)?;
-                    self.show(update)?;
+                    self.show(&update)?;
                 }
                 Ok(())
             }
@@ -280,7 +272,7 @@ impl Model {
     fn apply(&mut self, event: Event) -> Result<(), Error> {
         let exec = self.in_time();
         match self.session.apply(event, &exec) {
-            Ok(update) => self.show(update),
+            Ok(update) => self.show(&update),
             Err(error) => self.refuse(error),
         }
     }
@@ -288,7 +280,7 @@ impl Model {
     /// Shows what a step back or forth came to, if there was one.
     fn gone(&mut self, gone: Result<Option<Update>, ivd_session::Error>) -> Result<(), Error> {
         match gone {
-            Ok(Some(update)) => self.show(update),
+            Ok(Some(update)) => self.show(&update),
             Ok(None) => Ok(()),
             Err(error) => self.refuse(error),
         }
@@ -316,7 +308,7 @@ impl Model {
     }
 
     /// Takes what an event changed into account.
-    fn show(&mut self, update: Update) -> Result<(), Error> {
+    fn show(&mut self, update: &Update) -> Result<(), Error> {
         if !update.dirty.is_empty() {
             let bricks = self.session.displacement().inverse().brick_dims();
             let at = |brick: usize| {
@@ -333,7 +325,7 @@ impl Model {
             self.touch(&cut);
             self.touch(&[Pane::Volume]);
         }
-        (self.last, self.refused) = (update, None);
+        self.refused = None;
         self.find_spots()
     }
 
@@ -359,14 +351,16 @@ impl Model {
     }
 
     fn moved_camera(&mut self) -> Result<(), Error> {
-        self.lens = self.panes.lens(self.session.deformed(), self.transfer.as_ref(), &self.exec)?;
+        self.lens = self.panes.lens(self.session.rest().grid())?;
         self.touch(&[Pane::Volume]);
         Ok(())
     }
 
     /// The cut goes where the slices meet.
-    fn moved_cross(&mut self) -> Result<(), Error> {
-        if self.panes.cut.is_some() { self.moved_camera() } else { Ok(()) }
+    fn moved_cross(&mut self) {
+        if self.panes.cut.is_some() {
+            self.touch(&[Pane::Volume]);
+        }
     }
 
     /// Lets go of what is held, as it is.

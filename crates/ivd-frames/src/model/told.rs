@@ -9,7 +9,7 @@ use crate::figures::{Figures, Slice, letters};
 impl Figures {
     /// What there is to tell of a model.
     pub(super) fn of(model: &Model) -> Self {
-        let (session, panes) = (&model.session, &model.panes);
+        let (session, panes, last) = (&model.session, &model.panes, model.session.last());
         let (settings, volume) = (session.settings(), session.deformed());
         let grid = volume.grid();
         let lettered = grid.in_patient();
@@ -58,10 +58,10 @@ impl Figures {
             solver,
             stiffness,
             map,
-            largest_mm: model.last.largest_mm,
-            min_det_j: model.last.min_det_j,
-            behind: model.last.misfit,
-            times: [model.last.times.solve, model.last.times.map, model.last.times.warp],
+            largest_mm: last.largest_mm,
+            min_det_j: last.min_det_j,
+            behind: last.misfit,
+            times: [last.times.solve, last.times.map, last.times.warp],
             refused: model.refused.clone(),
             said: model.subject.said.clone(),
         }

@@ -85,7 +85,7 @@ impl Scene {
         self.section(stage)?.job().params().remove(key).filter(|value| !value.is_null())
     }
 
-    /// Writes keys into a stage's section; `None` takes one out.
+    /// Writes keys into a stage's section, without what is null in their values; `None` takes one out.
     ///
     /// # Errors
     /// A key or a value that the section doesn't take.
@@ -93,8 +93,11 @@ impl Scene {
         let section = self.written.entry(stage.name.to_owned()).or_insert_with(|| Json::Object(Map::new()));
         if let Json::Object(section) = section {
             for (key, value) in keys {
-                match value {
-                    Some(value) => section.insert((*key).to_owned(), value.clone()),
+                match value.clone() {
+                    Some(mut value) => {
+                        drop_nulls(&mut value);
+                        section.insert((*key).to_owned(), value)
+                    }
                     None => section.remove(*key),
                 };
             }
@@ -140,9 +143,7 @@ impl Scene {
     /// # Errors
     /// A value that TOML doesn't have.
     pub fn to_text(&self) -> Result<String, Error> {
-        let mut written = self.written.clone();
-        written.values_mut().for_each(drop_nulls);
-        let table = toml::Table::try_from(&written);
+        let table = toml::Table::try_from(&self.written);
         table.and_then(|table| toml::to_string(&table)).map_err(|e| Error::usage("scene", e.to_string()))
     }
 
