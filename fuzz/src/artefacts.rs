@@ -254,7 +254,8 @@ fn use_it(artefact: &Artefact) {
             let _ = ivd_segment::cut(tree, &ivd_segment::CutParams::default(), exec());
         }
         Artefact::Image(image) => {
-            let black = Image::new(image.width(), image.height(), vec![0; image.rgba().len()]);
+            let (size, black) = ([image.width(), image.height()], vec![0; image.rgba().len()]);
+            let black = Image::of_frames(size, image.frames(), black);
             let _ = ivd_render::difference(image, &black.expect("of the same size"));
         }
         _ => {}

@@ -10,7 +10,7 @@ const TABLE: [(Kind, u16, u16); 10] = [
     (Kind::Octree, 6, 1),
     (Kind::Motion, 7, 2),
     (Kind::Displacement, 8, 1),
-    (Kind::Image, 9, 1),
+    (Kind::Image, 9, 2),
     (Kind::Tree, 10, 1),
 ];
 

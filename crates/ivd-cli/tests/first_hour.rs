@@ -282,6 +282,8 @@ fn still_and_shorter(at: &Path, scene: &str, last: &[u8]) {
     let first = drawn("after.png");
     run(&of_volume(scene));
     assert_eq!(first, drawn("drawn/at_0000.png"));
+    run(&scene.replace("at.png", "at.gif"));
+    assert!(drawn("drawn/at.gif").starts_with(b"GIF89a") && !there("drawn/at_0000.gif"));
     run(scene);
     run(&scene.replace("frames = 3", "frames = 2"));
     assert!(there("frames/at_0001.nii.gz") && !there("frames/at_0002.nii.gz"));
@@ -334,6 +336,11 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
         (with("animation = \"move.stl\""), ".glb or .pvd"),
         (with("volume_series = \"volumé\""), "voxels are written as"),
         (with("picture_series = \"at.jpg\""), "pictures are written as .png"),
+        (with("picture_series = \"at.exr\""), "keep_light"),
+        (
+            with("picture_series = \"at.gif\"").replace("[output]", "[render]\nturntable = 3\n[output]"),
+            "an animation of turntables",
+        ),
         (
             with("picture_series = \"at.png\"").replace("[output]", "[map]\nframe = 0\n[output]"),
             "output.picture_series is of every frame",

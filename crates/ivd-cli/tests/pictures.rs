@@ -135,3 +135,58 @@ fn pictures_before_and_after_have_one_camera_and_one_alone_makes_no_motion() {
     pipeline(at, "\"before\"", &whole);
     assert_eq!(bytes(at, "out/before.png"), with_motion, "by the volume a motion decides nothing");
 }
+
+#[test]
+fn a_turntable_is_an_animation_of_single_views_by_one_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "24", "-o", "v.ivd"]);
+    let render = |words: &str, output: &str| {
+        let all =
+            ["render", "v.ivd", "--mode", "mip", "--size", "40x32", "--annotate", "false", "-o", output];
+        json(at, &[&all[..], &words.split_whitespace().collect::<Vec<_>>()].concat())
+    };
+    let record = render("--turntable 4 --fit volume", "turn.ivd");
+    assert_eq!(record["metrics"]["frames"], 4);
+    json(at, &["export", "turn.ivd", "-o", "turn.png", "--frame", "all"]);
+    for frame in 0..4 {
+        // The scale of the whole volume is that of each view.
+        render(&format!("--fit volume --view {},15", 30 + 90 * frame), "one.png");
+        assert_eq!(bytes(at, &format!("turn_000{frame}.png")), bytes(at, "one.png"), "frame {frame}");
+    }
+    for (file, starts) in [("turn.gif", &b"GIF89a"[..]), ("turn.apng", b"\x89PNG"), ("turn.PNG", b"\x89PNG")]
+    {
+        render("--turntable 4", file);
+        assert!(bytes(at, file).starts_with(starts), "{file}");
+    }
+    assert_eq!(bytes(at, "turn.apng"), bytes(at, "turn.PNG"));
+    // What is seen is what is turned: it fits at every angle, and turning half round turns it over.
+    let info = json(at, &["info", "turn.ivd"]);
+    assert!(info["frames"] == 4 && info["light"] == false, "{info}");
+    let (code, told) = refused(at, &["export", "turn.ivd", "-o", "x.png", "--frame", "4"]);
+    assert!(code == 2 && told.contains("has 4"), "{told}");
+    let (code, told) = refused(at, &["render", "v.ivd", "--mode", "mip", "--turntable", "4", "-o", "x.exr"]);
+    assert!(code == 2 && told.contains("--frame all"), "{told}");
+    let (code, told) = refused(at, &["render", "v.ivd", "--mode", "mip", "-o", "x.jpg"]);
+    assert!(code == 2 && told.contains(".apng"), "{told}");
+}
+
+#[test]
+fn an_exr_holds_the_light_that_the_png_is_made_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "24", "-o", "v.ivd"]);
+    let render = |words: &str| {
+        let all = ["render", "v.ivd", "--mode", "mip", "--size", "16", "--annotate", "false"];
+        json(at, &[&all[..], &words.split(' ').collect::<Vec<_>>()].concat())
+    };
+    render("-o light.exr");
+    assert!(bytes(at, "light.exr").starts_with(&[0x76, 0x2f, 0x31, 0x01]));
+    render("--keep-light -o light.ivd");
+    json(at, &["export", "light.ivd", "-o", "again.exr"]);
+    assert_eq!(bytes(at, "light.exr"), bytes(at, "again.exr"));
+    render("-o plain.ivd");
+    let (code, told) = refused(at, &["export", "plain.ivd", "-o", "x.exr"]);
+    assert!(code == 2 && told.contains("--keep-light"), "{told}");
+    assert_eq!(json(at, &["compare", "plain.ivd", "light.ivd"])["max"], 0.0);
+}

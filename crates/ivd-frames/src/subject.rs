@@ -141,7 +141,8 @@ impl Subject {
             lattice,
             labels,
             transfer,
-            picture: RenderParams { mode, ..picture },
+            // One picture at a time, and nothing kept beside it.
+            picture: RenderParams { mode, turntable: 1, keep_light: false, ..picture },
             settings,
             said,
         })

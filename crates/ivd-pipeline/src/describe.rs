@@ -134,7 +134,9 @@ pub fn describe(artefact: &Artefact) -> Value {
             "inverse_bricks": d.inverse().stored(), "inverse_residual_max_voxel": d.inverse_residual_max(),
             "min_det_j": d.min_det_j(), "two_sided": d.has_cut(),
         }),
-        Artefact::Image(i) => json!({ "kind": "image", "width": i.width(), "height": i.height() }),
+        Artefact::Image(i) => json!({
+            "kind": "image", "width": i.width(), "height": i.height(), "frames": i.frames(), "light": i.light().is_some(),
+        }),
         Artefact::Tree(t) => json!({
             "kind": "tree", "grid": grid_facts(&t.grid), "linkage": t.linkage.name(), "nodes": t.nodes(), "leaves": t.leaf_count(),
             "heights": t.height_range(), "bridges": t.bridges,

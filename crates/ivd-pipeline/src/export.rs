@@ -5,17 +5,18 @@ use std::io::Write as _;
 use std::path::Path;
 
 use ivd_artefact::Artefact;
-use ivd_core::{Displacement, ErrorClass, Exec, Image, Labels, Lattice, Mask, Motion, Volume, Voxels};
+use ivd_core::{Displacement, Exec, Image, Labels, Lattice, Mask, Motion, Volume, Voxels};
 use ivd_io::Space;
 use ivd_io::transfer::Format;
 use ivd_io::volume::FieldDirection;
 
-use crate::{Error, describe};
+use crate::{Error, describe, pictures};
 
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
 /// Volumes, labels and masks: nii, nii.gz, nrrd, mha, mhd, vti, tif, tiff, raw. Lattices: ply, obj, stl, glb, vtp.
-/// Displacements: nrrd, nii, nii.gz (deformed → rest, LPS mm, as ITK reads it). Images: png. Transfer functions: vp.json (3D
+/// Displacements: nrrd, nii, nii.gz (deformed → rest, LPS mm, as ITK reads it). Images: png and apng (all frames of a turntable as an animation), gif, exr (the light
+/// that was kept). Transfer functions: vp.json (3D
 /// Slicer), paraview.json, json. Motions, octrees, and the figures of anything else: json. What else may be chosen: [`export_with`].
 ///
 /// # Errors
@@ -35,7 +36,7 @@ pub struct ExportOptions<'a> {
     /// For a lattice or a motion: the file's axes; the format's own where none are given.
     pub space: Option<Space>,
     /// For a motion with its lattice: the frame that a mesh is written of, counted from 0; where none is given all, or the last in a
-    /// format that holds one.
+    /// format that holds one. For a picture: the one that is written of a turntable.
     pub frame: Option<usize>,
 }
 
@@ -69,7 +70,10 @@ pub fn export_with(
             .map(|w| w.touched)
             .map_err(Error::in_stage("export")),
         Artefact::Displacement(field) => write_field(path, field, options.direction, exec),
-        Artefact::Image(image) => write_png(path, image),
+        Artefact::Image(image) => {
+            let chosen = options.frame.map(|frame| picture_of(image, frame)).transpose()?;
+            write_bytes(path, &pictures::bytes(path, chosen.as_ref().unwrap_or(image))?)
+        }
         Artefact::Motion(motion) => {
             let Some(lattice) = options.lattice else {
                 let problem = "a motion is written as .json, or as a mesh with the lattice that it moves: add --lattice";
@@ -108,6 +112,14 @@ pub fn check_frame(frame: usize, motion: &Motion) -> Result<(), Error> {
         _ => return Ok(()),
     };
     Err(Error::usage("export", problem))
+}
+
+/// A picture of a turntable.
+fn picture_of(image: &Image, frame: usize) -> Result<Image, Error> {
+    image.frame(frame).ok_or_else(|| {
+        let problem = format!("frame {frame}: the image has {}, numbered from 0", image.frames());
+        Error::usage("export", problem)
+    })
 }
 
 /// A volume, every voxel of it verified where it is read from a file.
@@ -164,48 +176,6 @@ fn write_field(
     ivd_io::volume::write_field(path, field, direction, exec)
         .map(|w| w.touched)
         .map_err(Error::in_stage("export"))
-}
-
-fn write_png(path: &Path, image: &Image) -> Result<bool, Error> {
-    if ending(path) != "png" {
-        return Err(Error::usage(
-            "export",
-            format!("an image artefact is written as .png, not as .{}", ending(path)),
-        ));
-    }
-    write_bytes(path, &png_bytes(image)?)
-}
-
-/// A picture as a PNG file's bytes.
-///
-/// # Errors
-/// A size that PNG files don't have.
-pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    encoded(image, png::Compression::default())
-}
-
-/// The same, soon made rather than small: for pictures that are looked at once.
-///
-/// # Errors
-/// As [`png_bytes`].
-pub fn quick_png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    encoded(image, png::Compression::Fastest)
-}
-
-fn encoded(image: &Image, compression: png::Compression) -> Result<Vec<u8>, Error> {
-    let failed = |error: png::EncodingError| {
-        let (stage, source) = ("export", Box::new(error));
-        Error::Stage { stage, source, class: ErrorClass::Io }
-    };
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, image.width() as u32, image.height() as u32);
-    encoder.set_color(png::ColorType::Rgba);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(compression);
-    let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(image.rgba()).map_err(failed)?;
-    writer.finish().map_err(failed)?;
-    Ok(bytes)
 }
 
 /// Writes text atomically; an unchanged file isn't touched. Returns whether it was.

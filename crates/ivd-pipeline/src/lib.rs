@@ -45,6 +45,7 @@ pub mod list;
 mod need;
 mod outputs;
 pub mod params;
+mod pictures;
 mod pipeline;
 pub mod plan;
 mod report;
@@ -61,13 +62,13 @@ pub use control::{Control, Decisions};
 pub use describe::describe;
 pub use error::Error;
 pub use export::{
-    ExportOptions, check_frame, ending, export, export_with, labels_volume, mask_volume, png_bytes,
-    quick_png_bytes, write_text,
+    ExportOptions, check_frame, ending, export, export_with, labels_volume, mask_volume, write_text,
 };
 pub use frames::map_frame;
 pub use ivd_core::op::Slot;
 pub use left_over::{Before, LeftOver};
 pub use outputs::OutputFile;
+pub use pictures::{PICTURE_ENDINGS, check_pictures, png_bytes, quick_png_bytes};
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run, run_controlled, run_node};
 pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, figures_of};
 pub use section::Section;

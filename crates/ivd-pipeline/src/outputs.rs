@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_artefact::{Artefact, ContentHash};
-use ivd_core::{Exec, Labels, Lattice, Motion, Value as _};
+use ivd_core::{Exec, Image, Labels, Lattice, Motion, Value as _};
 use ivd_field::class_volume::by_class;
 use ivd_io::Space;
 use ivd_report::{MovedSlices, ResultSlices};
@@ -14,6 +15,7 @@ use serde_json::Value;
 
 use crate::control::Decisions;
 use crate::export::{ExportOptions, ending, export, export_with, whole, write_text};
+use crate::pictures::{is_animation, joined};
 use crate::plan::{NodeId, OF_FRAMES, PlanNode};
 use crate::report::{self, ReportData};
 use crate::resource::MemoryWatch;
@@ -127,11 +129,13 @@ pub(crate) struct Writer<'a> {
     exec: &'a Exec,
     files: Vec<OutputFile>,
     data: ReportData,
+    /// Pictures of an animation, with their hashes.
+    shown: Vec<(ContentHash, Arc<Artefact>)>,
 }
 
 impl<'a> Writer<'a> {
     pub(crate) fn new(scene: &'a Scene, out: &'a Path, manifest: &'a Manifest, exec: &'a Exec) -> Self {
-        Self { scene, out, manifest, exec, files: Vec::new(), data: ReportData::default() }
+        Self { scene, out, manifest, exec, files: Vec::new(), data: ReportData::default(), shown: Vec::new() }
     }
 
     /// Writes what the scene wants of a place's result, and keeps what the report will want.
@@ -176,13 +180,29 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Writes an output of a frame, counted from 0.
+    /// Writes an output of a frame, counted from 0, or keeps it for an animation.
     pub(crate) fn frame(&mut self, key: &str, frame: usize, done: &StageResult) -> Result<(), Error> {
         let Some((_, path)) = self.scene.output.files().into_iter().find(|(known, _)| *known == key) else {
             return Ok(());
         };
+        if is_animation(path) {
+            self.shown.push((done.hash, done.artefact.clone()));
+            return Ok(());
+        }
         let (name, file) = (format!("{key} {frame:04}"), series::file_of(path, frame));
         self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))
+    }
+
+    /// Writes the frames that were kept, as an animation.
+    pub(crate) fn animation(&mut self, key: &str) -> Result<(), Error> {
+        let shown = std::mem::take(&mut self.shown);
+        let path = self.scene.output.files().into_iter().find(|(known, _)| *known == key);
+        let Some((_, path)) = path.filter(|_| !shown.is_empty()) else { return Ok(()) };
+        let hashes: Vec<String> = shown.iter().map(|(hash, _)| hash.to_string()).collect();
+        self.file(key, path, &hashes.join(" "), |to, exec| {
+            let all = joined(shown.iter().filter_map(|(_, artefact)| Image::of(artefact)))?;
+            export(&all.into(), to, exec)
+        })
     }
 
     /// What the report shows of decisions that were taken while the scene ran.

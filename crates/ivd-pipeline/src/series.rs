@@ -43,6 +43,9 @@ pub(crate) fn write(
             writer.frame(key, frame, &results[&plan.nodes()[*at].id])?;
         }
     }
+    for (_, key) in &wanted {
+        writer.animation(key)?;
+    }
     Ok(records)
 }
 

@@ -1,5 +1,5 @@
 use ivd_core::{Grid, VoxelCoord};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::cut::HalfSpace;
 use crate::fit::{self, Extents, Held};
@@ -181,12 +181,11 @@ impl Camera {
         normal.dot(&towards) > 0.0
     }
 
-    /// The ray through the middle of a pixel, or `None` where it misses the volume. A voxel reaches half a voxel round its centre, so
-    /// that even a volume of one layer has a thickness.
-    pub(crate) fn ray(&self, x: usize, y: usize) -> Option<Ray> {
-        let across = (x as f64 - 0.5 * (self.size[0] as f64 - 1.0)) * self.pixel_mm;
-        let upward = (0.5 * (self.size[1] as f64 - 1.0) - y as f64) * self.pixel_mm;
-        let (from, direction) = match self.projection {
+    /// The line of sight through a place of the picture, whose pixels' middles are whole: where it begins (voxel coordinate), and its change over a millimetre.
+    pub(crate) fn line(&self, x: f64, y: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let across = (x - 0.5 * (self.size[0] as f64 - 1.0)) * self.pixel_mm;
+        let upward = (0.5 * (self.size[1] as f64 - 1.0) - y) * self.pixel_mm;
+        match self.projection {
             Projection::Orthographic => {
                 (self.start + self.voxels_right * across + self.voxels_up * upward, self.voxels_away)
             }
@@ -196,8 +195,71 @@ impl Camera {
                     self.voxels_right * across + self.voxels_up * upward + self.voxels_away * self.distance;
                 (self.start, through / length)
             }
-        };
+        }
+    }
+
+    /// The ray through the middle of a pixel, or `None` where it misses the volume. A voxel reaches half a voxel round its centre, so
+    /// that even a volume of one layer has a thickness.
+    pub(crate) fn ray(&self, x: usize, y: usize) -> Option<Ray> {
+        let (from, direction) = self.line(x as f64, y as f64);
         let (near, far, cut) = self.clip(from, direction)?;
+        Some(self.part(from, direction, [near, far], cut))
+    }
+
+    /// The ray from a place (voxel coordinate) along a direction of the world, from one distance to another [mm], as far as it is in the volume and in what is
+    /// shown.
+    pub(crate) fn ray_along(
+        &self,
+        from: Vector3<f64>,
+        direction: Vector3<f64>,
+        ends: [f64; 2],
+    ) -> Option<Ray> {
+        let direction = self.in_voxels(direction);
+        let (near, far, _) = self.clip(from, direction)?;
+        let (near, far) = (near.max(ends[0]), far.min(ends[1]));
+        (near < far).then(|| self.part(from, direction, [near, far], None))
+    }
+
+    /// A difference in the world [mm] as one of voxel coordinates.
+    pub(crate) fn in_voxels(&self, world: Vector3<f64>) -> Vector3<f64> {
+        let part = |axis: Vector3<f64>| axis.dot(&world);
+        self.voxels_right * part(self.right) + self.voxels_up * part(self.up)
+            - self.voxels_away * part(self.towards_eye)
+    }
+
+    /// How far the middle of the view runs along each axis of the grid, as cosines.
+    pub(crate) fn along_axes(&self) -> [f64; 3] {
+        let to_mm = Matrix3::from_columns(&[self.voxels_right, self.voxels_up, self.voxels_away]);
+        let to_mm = to_mm.try_inverse().unwrap_or_else(Matrix3::zeros);
+        std::array::from_fn(|a| to_mm[(2, a)] / to_mm.column(a).norm())
+    }
+
+    /// Voxels along each axis.
+    pub(crate) fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// Whether a voxel coordinate lies in the volume and in what is shown.
+    pub(crate) fn shows(&self, at: Vector3<f64>) -> bool {
+        (0..3).all(|a| at[a] >= -0.5 && at[a] <= self.dims[a] as f64 - 0.5)
+            && self.cuts.iter().all(|cut| cut.height(at) >= 0.0)
+    }
+
+    /// The normal of a plane that the picture is clipped by, where a voxel coordinate lies within so much behind it as gradients reach.
+    pub(crate) fn cut_before(&self, at: Vector3<f64>) -> Option<[f32; 3]> {
+        let reach = self.step_mm * self.steps_behind_cut as f64;
+        let near =
+            self.cuts.iter().find(|cut| cut.height(at) < reach && cut.outward.dot(&self.towards_eye) > 0.0);
+        near.map(|cut| std::array::from_fn(|a| cut.outward[a] as f32))
+    }
+
+    fn part(
+        &self,
+        from: Vector3<f64>,
+        direction: Vector3<f64>,
+        [near, far]: [f64; 2],
+        cut: Option<Vector3<f64>>,
+    ) -> Ray {
         let length = far - near;
         // Not negative: the cast rounds down.
         let whole = (length / self.step_mm + 1e-9) as usize;
@@ -205,7 +267,7 @@ impl Camera {
         let rest = (length - steps * self.step_mm).max(0.0);
         let at = |t: f64| -> [f32; 3] { std::array::from_fn(|a| (from[a] + t * direction[a]) as f32) };
         let delta: [f32; 3] = std::array::from_fn(|a| (direction[a] * self.step_mm) as f32);
-        Some(Ray {
+        Ray {
             start: at(near + 0.5 * self.step_mm),
             delta,
             inverse: delta.map(|d| 1.0 / d),
@@ -216,7 +278,7 @@ impl Camera {
                 normal: std::array::from_fn(|a| normal[a] as f32),
                 steps: self.steps_behind_cut,
             }),
-        })
+        }
     }
 
     /// Where the ray is inside the box of voxels, and in all that is shown [mm along the ray]; the normal of the plane that it begins at, if it does.

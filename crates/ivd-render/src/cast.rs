@@ -83,11 +83,15 @@ impl<T: Stored> Field<'_, T> {
         }
     }
 
+    /// World normal at a place that may have moved.
+    pub(crate) fn normal_there(&self, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
+        self.before(at, moves).and_then(|before| self.normal(at, before, moves))
+    }
+
     /// A colour under the lamp, at a place that may have moved.
     #[inline(never)]
     pub(crate) fn lit_before(&self, entry: [f32; 4], at: [f32; 3], moves: bool) -> [f32; 4] {
-        let before = self.before(at, moves);
-        self.light.lit(entry, before.and_then(|before| self.normal(at, before, moves)))
+        self.light.lit(entry, self.normal_there(at, moves))
     }
 
     /// Emission and absorption at a place that was at `before`, whose cell is `place`.
@@ -154,7 +158,7 @@ pub(crate) const HALVINGS: usize = 16;
 pub(crate) struct Hit {
     pub(crate) at: [f32; 3],
     /// Of a face that the picture is cut at: its normal.
-    cut: Option<[f32; 3]>,
+    pub(crate) cut: Option<[f32; 3]>,
 }
 
 /// First hit of the surface where `sign · value` reaches `iso`, refined by bisection; samples taken, and samples passed over.
@@ -226,7 +230,7 @@ pub(crate) fn first_hit<T: Stored>(
     let (hit, taken, skipped) = first_place(field, iso, sign, ray);
     let Some(Hit { at, cut }) = hit else { return Cast { rgba: [0.0; 4], taken, skipped } };
     let moves = field.moves(field.space.brick(at));
-    let normal = cut.or_else(|| field.before(at, moves).and_then(|before| field.normal(at, before, moves)));
+    let normal = cut.or_else(|| field.normal_there(at, moves));
     let [r, g, b] = surface;
     Cast { rgba: field.light.lit([r, g, b, 1.0], normal), taken, skipped }
 }

@@ -18,14 +18,17 @@ pub struct Difference {
 /// How much the heat map amplifies: a difference of 32 levels is white.
 const AMPLIFY: u16 = 8;
 
-/// Compares two pictures of one size.
+/// Compares two pictures of one size, frame by frame where they have several.
 ///
 /// # Errors
-/// [`Error::SizeMismatch`] where the sizes differ.
+/// [`Error::SizeMismatch`] where the sizes differ, [`Error::FramesMismatch`] where the numbers of frames do.
 pub fn difference(a: &Image, b: &Image) -> Result<Difference, Error> {
     let size = [a.width(), a.height()];
     if size != [b.width(), b.height()] {
         return Err(Error::SizeMismatch { a: size, b: [b.width(), b.height()] });
+    }
+    if a.frames() != b.frames() {
+        return Err(Error::FramesMismatch { a: a.frames(), b: b.frames() });
     }
     let greatest: Vec<u8> = a
         .rgba()
@@ -35,7 +38,8 @@ pub fn difference(a: &Image, b: &Image) -> Result<Difference, Error> {
         .collect();
     let count = greatest.len() as f64;
     let sum: u64 = greatest.iter().map(|&d| u64::from(d)).sum();
-    let image = Image::new(size[0], size[1], greatest.iter().flat_map(|&d| heat(d)).collect())?;
+    let heat = greatest.iter().flat_map(|&d| heat(d)).collect();
+    let image = Image::of_frames(size, a.frames(), heat)?;
     Ok(Difference {
         image,
         max: greatest.iter().copied().max().unwrap_or(0),

@@ -23,6 +23,11 @@ pub(crate) trait Optics<T: Stored> {
 
     /// The same without light; `None` where there is none.
     fn unlit(&self) -> Option<impl Optics<T, End = Self::End>>;
+
+    /// A colour of the unlit ones, lit at a place whose normal is known.
+    fn lit(&self, field: &Field<'_, T>, entry: [f32; 4], _: [f32; 3], normal: [f32; 3]) -> [f32; 4] {
+        field.light.lit(entry, Some(normal))
+    }
 }
 
 /// A step of a ray.
@@ -81,7 +86,7 @@ pub(crate) fn dvr<T: Stored, O: Optics<T>>(
         taken += 1;
         let cut = ray.cut.filter(|cut| ray.steps < cut.steps);
         let entry = match cut.and_then(|cut| Some((cut, optics.unlit()?))) {
-            Some((cut, unlit)) => field.light.lit(unlit.rest(field, ray), Some(cut.normal)),
+            Some((cut, unlit)) => optics.lit(field, unlit.rest(field, ray), ray.rest_at, cut.normal),
             None => optics.rest(field, ray),
         };
         over(&mut rgba, entry);
@@ -108,7 +113,8 @@ pub(crate) fn behind_cut<T: Stored, O: Optics<T>>(
     if let Some(cut) = ray.cut
         && let Some(unlit) = optics.unlit()
     {
-        begin(&mut begun, field, &unlit, cut, termination, ray);
+        let lit = |entry, at| optics.lit(field, entry, at, cut.normal);
+        begin(&mut begun, field, (&unlit, lit), cut, termination, ray);
     }
     begun
 }
@@ -117,7 +123,7 @@ pub(crate) fn behind_cut<T: Stored, O: Optics<T>>(
 fn begin<T: Stored, O: Optics<T>>(
     begun: &mut Begun,
     field: &Field<'_, T>,
-    unlit: &O,
+    (unlit, lit): (&O, impl Fn([f32; 4], [f32; 3]) -> [f32; 4]),
     cut: Cut,
     termination: f32,
     ray: &Ray,
@@ -128,7 +134,7 @@ fn begin<T: Stored, O: Optics<T>>(
         let place = field.samples.shape.place(at);
         let step = Step { number: begun.steps, at, place, brick: field.space.brick(at) };
         let (entry, end) = unlit.step(field, ray, &step, front);
-        let entry = if entry[3] > 0.0 { field.light.lit(entry, Some(cut.normal)) } else { entry };
+        let entry = if entry[3] > 0.0 { lit(entry, at) } else { entry };
         over(&mut begun.rgba, entry);
         (begun.steps, front) = (begun.steps + 1, Some(end));
     }
@@ -143,6 +149,7 @@ fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
 }
 
 /// A step looks like the value at its middle.
+#[derive(Clone, Copy)]
 pub(crate) struct AtMiddle<'a, const LABELLED: bool, const SHADED: bool>(pub(crate) &'a Classifier);
 
 impl<T: Stored, const LABELLED: bool, const SHADED: bool> Optics<T> for AtMiddle<'_, LABELLED, SHADED> {

@@ -16,6 +16,11 @@ pub enum Error {
         "pre-integrated pictures need a transfer function of the value alone, and this one goes by label or gradient; render without labels, by a table of values, or with classification post"
     )]
     NotByValue,
+    /// Shear-warp from among the slices.
+    #[error(
+        "mode shear-warp looks at slices from before them, and the eye lies among or behind them; look from further away, or use mode slices or dvr"
+    )]
+    EyeAmongSlices,
     /// Pictures of different size can't be compared.
     #[error("pictures of {a:?} and {b:?} pixels can't be compared; render both at one size")]
     SizeMismatch {
@@ -23,6 +28,14 @@ pub enum Error {
         a: [usize; 2],
         /// Width and height of the second.
         b: [usize; 2],
+    },
+    /// A turntable and one of more or fewer pictures can't be compared.
+    #[error("{a} pictures and {b} can't be compared; render both with one turntable")]
+    FramesMismatch {
+        /// Pictures of the first.
+        a: usize,
+        /// Pictures of the second.
+        b: usize,
     },
 }
 
@@ -32,7 +45,11 @@ impl Classified for Error {
     fn error_class(&self) -> ErrorClass {
         match self {
             Self::Core(error) => error.error_class(),
-            Self::NoTransfer | Self::NotByValue | Self::SizeMismatch { .. } => ErrorClass::Usage,
+            Self::NoTransfer
+            | Self::NotByValue
+            | Self::EyeAmongSlices
+            | Self::SizeMismatch { .. }
+            | Self::FramesMismatch { .. } => ErrorClass::Usage,
         }
     }
 }

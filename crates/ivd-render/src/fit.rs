@@ -1,5 +1,7 @@
 //! What a picture holds at zoom 1, and how far the camera then shows to either side.
 
+use std::f64::consts::{PI, TAU};
+
 use ivd_core::{BRICK, BrickIndex, Grid};
 use nalgebra::Vector3;
 
@@ -31,6 +33,39 @@ impl Held {
             }
         }
         if places.is_empty() { Self::Volume } else { Self::Places(places) }
+    }
+}
+
+/// Layers that what is turned is thought to be cut into, and the least corners of the rings about each.
+const LAYERS: usize = 64;
+const CORNERS: usize = 64;
+
+impl Held {
+    /// What is held while it is turned about an axis along the world's z through its middle, by so many equal turns: the same is seen after each of them.
+    pub(crate) fn turned(self, turns: usize) -> Self {
+        let Self::Places(places) = self else { return self };
+        let extents = Extents::new(&places, [Vector3::x(), Vector3::y(), Vector3::z()]);
+        let (axis, bottom) = (extents.middle(), extents.low.z);
+        let height = (extents.high.z - bottom).max(f64::MIN_POSITIVE);
+        // Of every layer its lowest and highest place, and how far from the axis any of them is.
+        let mut layers = [None::<([f64; 2], f64)>; LAYERS];
+        for place in &places {
+            let at = ((place.z - bottom) / height * LAYERS as f64) as usize;
+            let far = (place - axis).xy().norm();
+            let ([low, high], radius) = layers[at.min(LAYERS - 1)].unwrap_or(([place.z; 2], 0.0));
+            layers[at.min(LAYERS - 1)] = Some(([low.min(place.z), high.max(place.z)], radius.max(far)));
+        }
+        let corners = turns * CORNERS.div_ceil(turns);
+        let ring = |z: f64, radius: f64| {
+            (0..corners).map(move |corner| {
+                let (sin, cos) = (TAU * corner as f64 / corners as f64).sin_cos();
+                // The sides of the ring, not its corners, touch the circle.
+                let radius = radius / (PI / corners as f64).cos();
+                Vector3::new(axis.x + radius * cos, axis.y + radius * sin, z)
+            })
+        };
+        let rings = |(ends, radius): ([f64; 2], f64)| ends.into_iter().flat_map(move |z| ring(z, radius));
+        Self::Places(layers.into_iter().flatten().flat_map(rings).collect())
     }
 }
 
@@ -89,4 +124,31 @@ pub(crate) fn pixel(half: [f64; 2], size: [usize; 2]) -> f64 {
     let free = 2.0 * MARGIN * size[0].min(size[1]) as f64;
     let needed = |a: usize| 2.0 * half[a] / (size[a] as f64 - free);
     needed(0).max(needed(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_turned_shows_the_same_after_each_turn_and_holds_every_place() {
+        let places: Vec<Vector3<f64>> =
+            [[3.0, 1.0, -2.0], [9.0, -4.0, 1.0], [4.0, 6.0, 12.0]].map(Vector3::from).to_vec();
+        for turns in [2, 3, 64, 100] {
+            let Held::Places(turned) = Held::Places(places.clone()).turned(turns) else {
+                panic!("they are places")
+            };
+            let seen = |held: &[Vector3<f64>], turn: f64| {
+                let (sin, cos) = (TAU * turn / turns as f64).sin_cos();
+                let (across, away) = (Vector3::new(cos, sin, 0.0), Vector3::new(-sin, cos, 0.0));
+                Extents::new(held, [across, Vector3::z(), away])
+            };
+            let first = seen(&turned, 0.0);
+            for turn in 0..turns {
+                let (now, own) = (seen(&turned, turn as f64), seen(&places, turn as f64));
+                assert!((now.half()[0] - first.half()[0]).abs() < 1e-9 && now.half()[1] == first.half()[1]);
+                assert!((0..3).all(|a| now.low[a] <= own.low[a] + 1e-9 && now.high[a] >= own.high[a] - 1e-9));
+            }
+        }
+    }
 }

@@ -78,8 +78,10 @@ mod rendered;
 mod samples;
 mod scene;
 mod skip;
+mod stack;
 mod stage;
 mod surface;
+mod surroundings;
 mod warp;
 #[allow(unsafe_code, reason = "calls the version for AVX2 where it was found")]
 mod wide;
@@ -91,7 +93,7 @@ pub use error::Error;
 pub use frame::Radiance;
 pub use lens::Lens;
 pub use looks::{ClassLooks, Colour, Opacity};
-pub use params::{Classification, Fit, Mode, Projection, RenderParams, Side, View};
+pub use params::{Across, Classification, Fit, Mode, Projection, RenderParams, Side, View};
 pub use pick::Pick;
 pub use prepared::Prepared;
 pub use rendered::Rendered;
@@ -99,9 +101,10 @@ pub use scene::Scene;
 pub use stage::{
     AttenuatedMipParams, Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING,
     IsoParams, LmipParams, MeanParams, MinipParams, MipParams, Pair, Picked, Plain, RenderFigures, STAGE,
-    VOLUME, WHOLE,
+    ShearWarpParams, SlicesParams, VOLUME, WHOLE,
 };
 pub use surface::{SurfaceStyle, surface};
+pub use surroundings::Surroundings;
 
 use ivd_core::Exec;
 

@@ -1,6 +1,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
+use crate::surroundings::Left;
 
 /// Share of the light that reaches every side.
 pub(crate) const AMBIENT: f32 = 0.25;
@@ -82,17 +83,38 @@ impl Light {
         Some(world.map(|c| c * scale))
     }
 
-    /// A premultiplied colour under the lamp; unchanged without a normal.
+    /// The same where the surroundings leave less of it. Without a normal a place scatters every way alike.
+    pub(crate) fn lit_by(
+        &self,
+        [r, g, b, alpha]: [f32; 4],
+        normal: Option<[f32; 3]>,
+        left: Left,
+    ) -> [f32; 4] {
+        let (wrapped, shine) = normal.map_or((1.0, 0.0), |normal| self.shares(normal));
+        let matt = left.ambient * (AMBIENT + DIFFUSE * wrapped * left.lamp);
+        let highlight = SPECULAR * shine * left.lamp * alpha;
+        let [r, g, b] = [r, g, b].map(|c| (c * matt + highlight).min(alpha));
+        [r, g, b, alpha]
+    }
+
+    /// Shares of the lamp's light that a side turns back matt, and shining.
     #[inline(always)]
-    pub(crate) fn lit(&self, [r, g, b, alpha]: [f32; 4], normal: Option<[f32; 3]>) -> [f32; 4] {
-        let Some(n) = normal else { return [r, g, b, alpha] };
+    fn shares(&self, n: [f32; 3]) -> (f32, f32) {
         let dot = |v: [f32; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
         let wrapped = 0.5 + 0.5 * dot(self.lamp);
-        let matt = AMBIENT + DIFFUSE * wrapped * wrapped;
         let mut shine = dot(self.halfway).max(0.0);
         for _ in 0..5 {
             shine *= shine;
         }
+        (wrapped * wrapped, shine)
+    }
+
+    /// A premultiplied colour under the lamp; unchanged without a normal.
+    #[inline(always)]
+    pub(crate) fn lit(&self, [r, g, b, alpha]: [f32; 4], normal: Option<[f32; 3]>) -> [f32; 4] {
+        let Some(n) = normal else { return [r, g, b, alpha] };
+        let (wrapped, shine) = self.shares(n);
+        let matt = AMBIENT + DIFFUSE * wrapped;
         let highlight = SPECULAR * shine * alpha;
         let [r, g, b] = [r, g, b].map(|c| (c * matt + highlight).min(alpha));
         [r, g, b, alpha]

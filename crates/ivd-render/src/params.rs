@@ -3,6 +3,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::cut::{Clip, ClipSpace};
+use crate::surroundings::Surroundings;
 use crate::written;
 
 /// What a ray makes of the values along it.
@@ -27,6 +28,18 @@ pub enum Mode {
         /// White all along the volume's diagonal dims by `exp(−attenuation)`.
         attenuation: f64,
     },
+    /// As [`Mode::Dvr`], by slices.
+    Slices {
+        /// How many; without it twice as many as voxels lie along what they lie across.
+        count: Option<usize>,
+        /// What they lie across.
+        across: Across,
+    },
+    /// As [`Mode::Dvr`], by slices that are sheared and a picture that is warped.
+    ShearWarp {
+        /// How many; without it twice as many as voxels lie along the axis that they lie across.
+        count: Option<usize>,
+    },
     /// The first place where the value reaches `value`, as a lit opaque surface.
     Iso {
         /// Isovalue, in real values.
@@ -34,8 +47,29 @@ pub enum Mode {
     },
 }
 
+/// What slices lie across.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Across {
+    /// The grid's axis that the view runs along most (object-aligned).
+    #[default]
+    Axis,
+    /// The view (view-aligned).
+    View,
+}
+
+impl Mode {
+    /// Whether emission and absorption are gathered by slices.
+    pub(crate) fn is_by_slices(self) -> bool {
+        matches!(self, Self::Slices { .. } | Self::ShearWarp { .. })
+    }
+}
+
 /// Most that white along the diagonal dims, as a power of e.
 pub(crate) const MOST_ATTENUATION: f64 = 1000.0;
+
+/// Most pictures of a turn.
+pub(crate) const MOST_FRAMES: usize = 720;
 
 /// What colour and opacity a step of a ray gets from a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -169,6 +203,9 @@ pub struct RenderParams {
     /// What a ray makes of the values along it; in scenes the method.
     #[serde(skip)]
     pub mode: Mode,
+    /// What of the surroundings takes light away, in modes dvr and iso; in scenes keys of these.
+    #[serde(skip)]
+    pub surroundings: Surroundings,
     /// Width and height of the picture, or one number for a square.
     #[serde(deserialize_with = "written::size")]
     #[schemars(with = "written::Size", extend("x-unit" = "pixels"))]
@@ -196,6 +233,11 @@ pub struct RenderParams {
     /// Background, straight linear RGBA.
     #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
     pub background: [f64; 4],
+    /// Pictures of a full turn about the body's axis, from `view` on, all of one scale; 1 is a still picture. `.gif`, `.apng` and `.png` hold them as an animation.
+    #[schemars(range(min = 1, max = MOST_FRAMES), extend("x-unit" = "1"))]
+    pub turntable: usize,
+    /// Whether the light that a picture is made of is kept beside it, as `.exr` files hold it: linear, without background, letters and outline.
+    pub keep_light: bool,
     /// Pixels, as column and row from the top left, of which it is told what they show: the place in the patient, before and after the deformation, with voxel, value
     /// and label.
     #[schemars(extend("x-unit" = "pixels"))]
@@ -214,6 +256,7 @@ impl Default for RenderParams {
     fn default() -> Self {
         Self {
             mode: Mode::Dvr,
+            surroundings: Surroundings::default(),
             size: [512; 2],
             view: View::default(),
             fit: Fit::Visible,
@@ -223,6 +266,8 @@ impl Default for RenderParams {
             shading: true,
             skip: true,
             annotate: true,
+            turntable: 1,
+            keep_light: false,
             background: [0.0, 0.0, 0.0, 1.0],
             picks: Vec::new(),
             clip: Vec::new(),
@@ -239,6 +284,7 @@ impl RenderParams {
     /// [`ParamError`] names the first field that leaves it.
     pub fn check(&self) -> Result<(), ParamError> {
         ivd_core::op::check_fields(self)?;
+        ivd_core::op::check_fields(&self.surroundings)?;
         self.check_together()
     }
 
@@ -258,7 +304,15 @@ impl RenderParams {
                 let problem = "a mean is of all samples of a ray, so that a pixel shows no place";
                 Err(ParamError::new("picks", problem, "use another mode, or leave them out"))
             }
+            Mode::Slices { .. } | Mode::ShearWarp { .. }
+                if self.classification == Classification::PreIntegrated =>
+            {
+                let problem = "slices have the values on them, and none between";
+                Err(ParamError::new("classification", problem, "use post, or mode dvr"))
+            }
             Mode::Dvr
+            | Mode::Slices { .. }
+            | Mode::ShearWarp { .. }
             | Mode::Mip
             | Mode::Minip
             | Mode::Mean

@@ -5,7 +5,7 @@ use ivd_core::Image;
 pub struct Rendered {
     /// The picture.
     pub image: Image,
-    /// Pictures made: 1.
+    /// Pictures made: 1, or those of a turntable.
     pub frames: u32,
     /// Samples taken.
     pub samples: u64,

@@ -34,9 +34,14 @@ pub(crate) fn sample(kind: Kind) -> Artefact {
         Kind::Octree => octree().into(),
         Kind::Motion => motion().into(),
         Kind::Displacement => displacement().into(),
-        Kind::Image => Image::new(3, 2, (0..24).collect()).unwrap().into(),
+        Kind::Image => image().into(),
         Kind::Tree => tree().into(),
     }
+}
+
+fn image() -> Image {
+    let light = (0..48).map(|i| if i == 5 { f32::INFINITY } else { 0.1 * i as f32 }).collect();
+    Image::of_frames([3, 2], 2, (0..48).collect()).unwrap().with_light(light).unwrap()
 }
 
 fn volume() -> Volume {

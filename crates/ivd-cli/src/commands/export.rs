@@ -1,8 +1,9 @@
 //! `ivd export`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ivd_artefact::Artefact;
+use ivd_core::Image;
 use ivd_io::Space;
 use ivd_io::volume::FieldDirection;
 use ivd_pipeline::{ExportOptions, Input, Metrics, Runner, ending, export_with, frame_file, map_frame};
@@ -79,6 +80,9 @@ pub(super) fn export(
     };
     let options = ExportOptions { lattice: moved, direction, space, frame: None };
     if let Some(frame) = frame {
+        if let (Artefact::Image(image), None) = (&*input.artefact, lattice) {
+            return pictures(image, &input, frame, output, context);
+        }
         return frames(&input, moved_input.as_ref(), frame, output, &options, context);
     }
     let written = export_with(&input.artefact, output, &options, &context.exec)?;
@@ -87,6 +91,40 @@ pub(super) fn export(
         "output": { "path": output, "written": written },
     });
     context.say(&format!("{}{}", output.display(), if written { "" } else { ": unchanged" }));
+    context.print(&object, String::new)
+}
+
+/// Writes pictures of a turntable.
+fn pictures(
+    image: &Image,
+    input: &Input,
+    asked: Frames,
+    output: &Path,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let mut written = Vec::new();
+    for (frame, path) in files(asked, image.frames(), output) {
+        let options = ExportOptions { frame: Some(frame), ..ExportOptions::default() };
+        let touched = export_with(&input.artefact, &path, &options, &context.exec)?;
+        context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
+        written.push(told(frame, &path, touched, None));
+    }
+    print_frames(input, written, context)
+}
+
+/// The frames that are asked for of so many, each with its file.
+fn files(asked: Frames, count: usize, output: &Path) -> Vec<(usize, PathBuf)> {
+    match asked {
+        Frames::All => (0..count).map(|frame| (frame, frame_file(output, frame))).collect(),
+        Frames::One(frame) => vec![(frame, output.to_owned())],
+    }
+}
+
+fn print_frames(input: &Input, written: Vec<Value>, context: &Context) -> anyhow::Result<()> {
+    let object = json!({
+        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
+        "outputs": written,
+    });
     context.print(&object, String::new)
 }
 
@@ -102,24 +140,20 @@ fn frames(
     let Artefact::Motion(motion) = &*input.artefact else {
         let kind = input.artefact.kind().name();
         let problem = format!(
-            "--frame: a {kind} artefact has no frames; motions have, and `ivd map --frame N` makes the displacement of one"
+            "--frame: a {kind} artefact has no frames; motions and turntables have, and `ivd map --frame N` makes the displacement of one"
         );
         return Err(Failure::usage(problem));
     };
     let Some(lattice) = lattice else {
         return Err(Failure::usage("--frame: it takes the lattice that the motion moves; add --lattice"));
     };
-    let chosen: Vec<usize> = match asked {
-        Frames::All => (0..motion.frames().len()).collect(),
-        Frames::One(frame) => vec![frame],
-    };
+    let chosen = files(asked, motion.frames().len(), output);
     if chosen.is_empty() {
         return Err(Failure::usage("--frame all: the motion has no frames"));
     }
     let (mut written, cache) = (Vec::new(), context.stage_cache()?);
     let is_mapped = FIELDS.contains(&&*ending(output));
-    for frame in chosen {
-        let path = if asked == Frames::All { frame_file(output, frame) } else { output.to_owned() };
+    for (frame, path) in chosen {
         let (touched, figures) = if is_mapped {
             let runner = Runner { exec: &context.exec, cache: &cache, lazy: false };
             let field = map_frame(lattice, input, frame, runner)?;
@@ -131,11 +165,7 @@ fn frames(
         context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
         written.push(told(frame, &path, touched, figures));
     }
-    let object = json!({
-        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
-        "outputs": written,
-    });
-    context.print(&object, String::new)
+    print_frames(input, written, context)
 }
 
 /// What is told of a frame's file.

@@ -82,7 +82,10 @@ pub(super) fn with_arguments(mut command: Command, offer: &Offer) -> Command {
     }
     let is_picture = stage.methods.iter().any(|method| method.output == Some(Kind::Image));
     let (form, about) = if is_picture {
-        ("OUTPUT", "PNG file, or `.ivd` for an image artefact")
+        (
+            "OUTPUT",
+            "Picture by its ending: .png or .apng (animated where there are several), .gif, .exr (its light), or .ivd for an image artefact",
+        )
     } else {
         ("FILE.ivd", "Artefact file")
     };

@@ -6,8 +6,9 @@ use clap::{Arg, ArgMatches};
 use ivd_artefact::Cache;
 use ivd_core::op::Stage;
 use ivd_pipeline::{Inputs, Section, StageResult};
+use serde_json::Value as Json;
 
-use super::{lattice, own_labels, posteriors};
+use super::{lattice, own_labels, pictures, posteriors};
 use crate::context::Context;
 
 /// Does a stage's work and writes something else beside its result, as a flag asks for.
@@ -23,6 +24,10 @@ pub(crate) struct Hooks {
     pub(crate) completed: fn(Inputs, &Section, &Cache, &Context) -> anyhow::Result<Inputs>,
     /// What is written beside its result, with the flag that asks for it.
     pub(crate) beside: Option<(&'static str, Beside)>,
+    /// What the file that is asked for needs of the parameters, where they say nothing of it.
+    pub(crate) implied: fn(&Path) -> Option<(&'static str, Json)>,
+    /// Refuses a file that can't hold the result, before that is made.
+    pub(crate) holds: fn(&Section, &Path) -> anyhow::Result<()>,
 }
 
 /// Nothing.
@@ -31,9 +36,12 @@ const PLAIN: Hooks = Hooks {
     instead: |_, _| Ok(false),
     completed: |inputs, _, _, _| Ok(inputs),
     beside: None,
+    implied: |_| None,
+    holds: |_, _| Ok(()),
 };
 
-const ALL: [(&str, Hooks); 4] = [
+const ALL: [(&str, Hooks); 5] = [
+    (ivd_render::STAGE.name, Hooks { implied: pictures::implied, holds: pictures::check, ..PLAIN }),
     (ivd_field::warp::STAGE.name, Hooks { completed: own_labels::for_warp, ..PLAIN }),
     (
         ivd_segment::STAGE.name,

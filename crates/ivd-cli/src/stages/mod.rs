@@ -6,6 +6,7 @@ mod lattice;
 mod offer;
 mod own_labels;
 mod parts;
+mod pictures;
 mod posteriors;
 mod precursor;
 mod typed;
@@ -114,13 +115,18 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
         return Ok(());
     }
     let given = precursor::Given::of(stage, matches);
-    let keys = Typed::read(offer, matches, context)?;
+    let path = |name: &str| file_of(offer, matches, name);
+    let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
+    let mut keys = Typed::read(offer, matches, context)?;
+    if let Some((key, value)) = (hooks.implied)(output) {
+        keys.imply(key, value);
+    }
     let is_method_chosen = keys.is_method_chosen() || given.taken().is_some();
     let section = match given.taken() {
         Some(precursor) => keys.section_from(precursor)?,
         None => keys.section()?,
     };
-    let path = |name: &str| file_of(offer, matches, name);
+    (hooks.holds)(&section, output)?;
     let reads = |slot: &str| {
         let own = section.method().has_slot(slot) && section.wants(slot) != Want::No;
         own || given.is_needed(&section, slot)
@@ -160,7 +166,6 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
     if let Some(precursor) = given.taken() {
         precursor.leave_out(&mut done.record);
     }
-    let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
     finish(&section, done, output, context)
 }
 

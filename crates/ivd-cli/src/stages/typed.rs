@@ -48,6 +48,11 @@ impl Typed {
         Ok(Self { stage, file, line: typed, keys })
     }
 
+    /// Gives a key a value where nothing was written for it.
+    pub(super) fn imply(&mut self, key: &str, value: Json) {
+        self.keys.entry(key).or_insert(value);
+    }
+
     /// Whether a method was chosen, by its name or by what it alone reads.
     pub(super) fn is_method_chosen(&self) -> bool {
         self.keys.contains_key(self.stage.selector)

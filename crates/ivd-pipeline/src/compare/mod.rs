@@ -104,6 +104,9 @@ fn images(a: &Image, b: &Image) -> Result<Value, Error> {
             format!("pictures of {}x{} and {}x{} pixels", a.width(), a.height(), b.width(), b.height()),
         ));
     }
+    if a.frames() != b.frames() {
+        return Err(Error::usage("compare", format!("{} pictures and {}", a.frames(), b.frames())));
+    }
     Ok(spread(a.rgba().iter().zip(b.rgba()).map(|(p, q)| f64::from(p.abs_diff(*q))).collect()))
 }
 

@@ -16,7 +16,7 @@ use super::deformation::{Moves, bones, class_volumes, deformation};
 use super::segmentation::{class_densities, segmentation};
 use super::summary::summary;
 use crate::control::Decisions;
-use crate::export::png_bytes;
+use crate::pictures::png_bytes;
 use crate::scene::{Loaded, Picture};
 use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, OutputFile, StageRecord, State, figures_of};

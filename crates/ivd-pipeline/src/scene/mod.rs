@@ -22,6 +22,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
 use crate::export::VOLUME_ENDINGS;
+use crate::pictures::{check_pictures, is_animation};
 use crate::plan::{OF_FRAMES, PICTURES, SERIES};
 use crate::{Error, Section, ending};
 
@@ -240,8 +241,18 @@ impl Scene {
         }
         let frame =
             self.section(&ivd_map::STAGE).and_then(|section| section.job().params().get("frame").cloned());
-        if let Some(path) = self.output.picture_series.as_deref().filter(|path| ending(path) != "png") {
-            return Err(format!("output.{PICTURES} = {}: pictures are written as .png", path.display()));
+        if let Some(path) = self.output.picture_series.as_deref() {
+            let pictures = self.section(&ivd_render::STAGE).map(|section| section.job().params());
+            let keeps = |key: &str| pictures.as_ref().and_then(|params| params.get(key)).cloned();
+            let has_light = keeps("keep_light").and_then(|keeps| keeps.as_bool()).unwrap_or(false);
+            let turns = keeps("turntable").and_then(|turns| turns.as_u64()).unwrap_or(1) as usize;
+            check_pictures(path, turns, has_light).map_err(|error| format!("output.{PICTURES}: {error}"))?;
+            if is_animation(path) && turns > 1 {
+                return Err(format!(
+                    "output.{PICTURES} = {}: an animation of turntables; write .png, or leave render.turntable out",
+                    path.display()
+                ));
+            }
         }
         let names_one = frame.is_some_and(|frame| !frame.is_null());
         let files = self.output.files();

@@ -9,6 +9,7 @@ use super::Preintegrated;
 /// A step looks like all values between those at its two ends, and is lit at its middle.
 ///
 /// A brick may be leapt over only if the values of all bricks about it are clear too: a step whose middle it holds may end in them.
+#[derive(Clone, Copy)]
 pub(crate) struct AtEnds<'a, const SHADED: bool>(pub(crate) &'a Preintegrated);
 
 impl<T: Stored, const SHADED: bool> Optics<T> for AtEnds<'_, SHADED> {

@@ -4,16 +4,18 @@ use ivd_core::{Exec, Labels, srgb};
 
 use crate::camera::{Camera, Ray, diagonal, step_mm};
 use crate::cast::{Cast, Field};
-use crate::dvr::AtMiddle;
-use crate::frame::{Radiance, tiles};
+use crate::dvr::{AtMiddle, dvr as plain};
+use crate::frame::{Radiance, one_by_one, tiles};
 use crate::light::Light;
 use crate::pick::{self, Pick};
 use crate::preintegrated::AtEnds;
 use crate::project::{Attenuated, Bounds, FirstPeak, Greatest, Mean};
 use crate::samples::{KernelVoxels, Samples, Shape, Stored};
+use crate::stack::{self, Looks};
+use crate::surroundings::{self, Around, Surrounded};
 use crate::warp::Warp;
 use crate::wide::{Pairs, ProjectLanes, Wide, dvr, first_hit, project};
-use crate::{Error, Mode, RenderParams, View};
+use crate::{Across, Error, Mode, RenderParams, View};
 
 use super::{ModeState, Prepared};
 
@@ -56,6 +58,9 @@ impl Prepared<'_> {
         let camera = self.camera(params);
         let field = self.field(voxels, &camera);
         let sign = self.sign() as f32;
+        if let Some(cast) = self.cast_otherwise(&field, params, &camera, exec) {
+            return cast;
+        }
         Ok(match &self.optics {
             ModeState::Dvr(classifier) => {
                 // A termination above 1 is never reached.
@@ -101,6 +106,54 @@ impl Prepared<'_> {
                 tiles(&camera, exec, |rays| first_hit(wide, &field, *iso, sign, colour, rays))
             }
         }?)
+    }
+
+    /// What isn't cast in packets: slices, and what its surroundings take light from.
+    fn cast_otherwise<T: Stored>(
+        &self,
+        field: &Field<'_, T>,
+        params: &RenderParams,
+        camera: &Camera,
+        exec: &Exec,
+    ) -> Option<Result<Radiance, Error>> {
+        let termination = params.termination as f32;
+        if let ModeState::Dvr(classifier) = &self.optics {
+            let looks = Looks { field, classifier, is_shaded: params.shading, termination };
+            match params.mode {
+                Mode::Slices { count, across } => {
+                    let found = stack::slices(&looks, camera, count, across == Across::View, exec);
+                    return Some(found.map_err(Error::from));
+                }
+                Mode::ShearWarp { count } => return Some(stack::shear_warp(&looks, camera, count, exec)),
+                _ => {}
+            }
+        }
+        if !params.surroundings.are_asked() {
+            return None;
+        }
+        let around = Around::new(params.surroundings, camera, &field.light, self.scene.volume.grid());
+        let is_shaded = params.shading;
+        let found = match &self.optics {
+            ModeState::Dvr(classifier) if field.ids.is_empty() => {
+                let looks = Surrounded { unlit: AtMiddle::<false, false>(classifier), around, is_shaded };
+                tiles(camera, exec, |rays| one_by_one(rays, |ray| plain(field, &looks, termination, ray)))
+            }
+            ModeState::Dvr(classifier) => {
+                let looks = Surrounded { unlit: AtMiddle::<true, false>(classifier), around, is_shaded };
+                tiles(camera, exec, |rays| one_by_one(rays, |ray| plain(field, &looks, termination, ray)))
+            }
+            ModeState::PreIntegrated(table) => {
+                let looks = Surrounded { unlit: AtEnds::<false>(table), around, is_shaded };
+                tiles(camera, exec, |rays| one_by_one(rays, |ray| plain(field, &looks, termination, ray)))
+            }
+            ModeState::Iso(iso) => {
+                let (colour, sign) = (params.surface.map(|c| c as f32), self.sign() as f32);
+                let cast = |ray: &Ray| surroundings::first_hit(field, *iso, sign, colour, &around, ray);
+                tiles(camera, exec, |rays| one_by_one(rays, cast))
+            }
+            ModeState::Projection(_) => return None,
+        };
+        Some(found.map_err(Error::from))
     }
 
     /// Projects the rays of a picture, and makes of what they come to a grey.

@@ -5,7 +5,7 @@ mod ready;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ivd_core::{Exec, Kernel as _, Labels, NO_DATA, Scalar as _, Volume, with_voxels};
+use ivd_core::{Exec, Image, Kernel as _, Labels, NO_DATA, Scalar as _, Volume, with_voxels};
 
 use crate::camera::Camera;
 use crate::classify::{Classifier, Steep};
@@ -92,7 +92,7 @@ impl<'a> Prepared<'a> {
                 number: NUMBERS.fetch_add(1, Ordering::Relaxed),
             };
             match params.mode {
-                Mode::Dvr => prepared.classify(exec)?,
+                Mode::Dvr | Mode::Slices { .. } | Mode::ShearWarp { .. } => prepared.classify(exec)?,
                 Mode::Iso { value } => prepared.split(value),
                 Mode::Mip | Mode::Minip | Mode::Mean | Mode::Lmip { .. } | Mode::AttenuatedMip { .. } => {
                     prepared.project();
@@ -100,6 +100,8 @@ impl<'a> Prepared<'a> {
             }
             if let Some(held) = scene.held().filter(|_| params.fit == Fit::Visible) {
                 prepared.held = Self::new(&held, params, exec)?.held;
+            } else if params.turntable > 1 {
+                prepared.held = std::mem::replace(&mut prepared.held, Held::Volume).turned(params.turntable);
             }
             Ok(prepared)
         })
@@ -144,6 +146,12 @@ impl<'a> Prepared<'a> {
 
     /// What a device needs to know to cast the rays.
     pub(crate) fn plan(&self, params: &RenderParams) -> Result<Plan<'_>, &'static str> {
+        if params.mode.is_by_slices() {
+            return Err("slices have no form for devices");
+        }
+        if params.surroundings.are_asked() {
+            return Err("ambient occlusion and shadows have no form for devices");
+        }
         let look = match &self.optics {
             ModeState::Dvr(classifier) => PlanLook::Classified {
                 table: classifier.table(),
@@ -216,11 +224,52 @@ impl<'a> Prepared<'a> {
         Grey { volume: self.scene.volume, sign: self.sign(), shift: self.shift, window: self.window() }
     }
 
+    /// The pictures of a turntable that begins with a view, or the one picture of it.
+    ///
+    /// # Errors
+    /// As [`crate::render`].
+    pub fn render_all(&self, view: View, exec: &Exec) -> Result<Rendered, Error> {
+        let Self { params: RenderParams { turntable, size, keep_light, .. }, .. } = *self;
+        if turntable == 1 {
+            return self.render(view, exec);
+        }
+        let of_pixel = if keep_light { 20 } else { 4 };
+        exec.check_memory("pictures", (of_pixel * turntable * size[0] * size[1]) as u64)?;
+        let (mut rgba, mut light) = (Vec::new(), Vec::new());
+        let (mut samples, mut skipped) = (0, 0);
+        for frame in 0..turntable {
+            let turn = 360.0 * frame as f64 / turntable as f64;
+            let turned = View { angles: [view.angles[0] + turn, view.angles[1]], ..view };
+            let made = self.picture(turned, exec)?;
+            rgba.extend_from_slice(made.image.rgba());
+            light.extend_from_slice(made.image.light().unwrap_or_default());
+            (samples, skipped) = (samples + made.samples, skipped + made.skipped);
+        }
+        let image = Image::of_frames(size, turntable, rgba)?;
+        let image = if keep_light { image.with_light(light)? } else { image };
+        Ok(self.told(Made { image, samples, skipped }))
+    }
+
     /// The picture of a view.
     ///
     /// # Errors
     /// As [`crate::render`].
     pub fn render(&self, view: View, exec: &Exec) -> Result<Rendered, Error> {
+        Ok(self.told(self.picture(view, exec)?))
+    }
+
+    fn told(&self, Made { image, samples, skipped }: Made) -> Rendered {
+        let pixels = (image.rgba().len() / 4) as f64;
+        Rendered {
+            frames: image.frames() as u32,
+            image,
+            samples,
+            samples_per_pixel: samples as f64 / pixels,
+            skipped_fraction: skipped as f64 / (samples + skipped).max(1) as f64,
+        }
+    }
+
+    fn picture(&self, view: View, exec: &Exec) -> Result<Made, Error> {
         let light = self.radiance(view, exec)?;
         let params = &self.params;
         let params_of_view = RenderParams { view, ..params.clone() };
@@ -232,15 +281,19 @@ impl<'a> Prepared<'a> {
         if params.annotate {
             image = annotate::annotate(&image, &camera, self.scene.volume.grid().in_patient());
         }
-        let on_the_way = (light.samples + light.skipped).max(1) as f64;
-        Ok(Rendered {
-            image,
-            frames: 1,
-            samples: light.samples,
-            samples_per_pixel: light.samples as f64 / (params.size[0] * params.size[1]) as f64,
-            skipped_fraction: light.skipped as f64 / on_the_way,
-        })
+        let Radiance { samples, skipped, rgba, .. } = light;
+        if params.keep_light {
+            image = image.with_light(rgba.into_flattened())?;
+        }
+        Ok(Made { image, samples, skipped })
     }
+}
+
+/// A picture, or several, with the samples that were taken and passed over for it.
+struct Made {
+    image: Image,
+    samples: u64,
+    skipped: u64,
 }
 
 /// Whether a voxel with data has no label: none of the parts that were chosen.

@@ -1,6 +1,7 @@
 //! The stage as scenes and commands see it.
 
 mod modes;
+mod volumetric;
 
 use std::time::Instant;
 
@@ -10,7 +11,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{Pick, difference};
-pub use modes::{AttenuatedMipParams, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams};
+pub use modes::{AttenuatedMipParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams};
+pub use volumetric::{DvrParams, ShearWarpParams, SlicesParams};
 
 /// The stage: its modes, and the pictures that a scene has of it.
 pub const STAGE: Stage = Stage {
@@ -73,6 +75,8 @@ const METHODS: &[Method] = &[
     method::<MeanParams>("mean"),
     method::<LmipParams>("lmip"),
     method::<AttenuatedMipParams>("attenuated-mip"),
+    method::<SlicesParams>("slices"),
+    method::<ShearWarpParams>("shear-warp"),
 ];
 static DIFFERENCE: Method = method::<DifferenceParams>("difference");
 

@@ -1,4 +1,4 @@
-//! The modes: their parameters, and what they draw.
+//! The modes without a transfer function: their parameters, and what they draw.
 
 use std::time::Instant;
 
@@ -9,21 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::params::MOST_ATTENUATION;
 use crate::plan::Casting;
-use crate::{ClassLooks, Classification, Fit, Mode, Prepared, RenderParams, Scene};
+use crate::{Fit, Mode, Prepared, RenderParams, Scene, Surroundings};
 
-use super::{Coloured, FRAMING, Picked, Plain, RenderFigures, rate};
-
-/// Direct volume rendering: emission and absorption by the transfer function.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(default)]
-pub struct DvrParams {
-    /// The picture.
-    #[serde(flatten)]
-    pub picture: RenderParams,
-    /// How single classes are drawn.
-    #[serde(flatten)]
-    pub classes: ClassLooks,
-}
+use super::{FRAMING, Picked, Plain, RenderFigures, rate};
 
 /// Maximum intensity projection: the greatest value along a ray, as grey over the volume's range.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -41,6 +29,9 @@ pub struct IsoParams {
     /// Isovalue of the surface.
     #[schemars(extend("x-unit" = "that of the values", "x-from" = "lattice.iso"))]
     pub iso: Option<f64>,
+    /// What takes light away.
+    #[serde(flatten)]
+    pub surroundings: Surroundings,
     /// The picture.
     #[serde(flatten)]
     pub picture: RenderParams,
@@ -96,28 +87,26 @@ impl Default for AttenuatedMipParams {
 }
 
 /// What decides what a picture holds is of no use where that is the volume.
-fn wants(slot: &str, picture: &RenderParams) -> Want {
+pub(super) fn wants(slot: &str, picture: &RenderParams) -> Want {
     if slot == FRAMING && picture.fit == Fit::Volume { Want::No } else { Want::Yes }
 }
 
-/// Draws a scene in a mode.
-fn drawn(
+/// Draws a scene.
+pub(super) fn drawn(
     scene: &Scene<'_>,
-    mode: Mode,
-    picture: &RenderParams,
+    params: &RenderParams,
     exec: &Exec,
 ) -> Result<(Image, RenderFigures), Failure> {
     let start = Instant::now();
-    let params = RenderParams { mode, ..picture.clone() };
-    let prepared = Prepared::new(scene, &params, exec)?;
-    let found = prepared.render(params.view, exec)?;
+    let prepared = Prepared::new(scene, params, exec)?;
+    let found = prepared.render_all(params.view, exec)?;
     let picks = params.picks.iter().map(|&pixel| Ok(Picked::of(pixel, prepared.pick(params.view, pixel)?)));
     let figures = RenderFigures {
         picks: picks.collect::<Result<_, crate::Error>>()?,
         frames: found.frames,
         samples_per_pixel: found.samples_per_pixel,
         skipped_fraction: found.skipped_fraction,
-        fps: Some(rate(start)),
+        fps: Some(f64::from(found.frames) * rate(start)),
     };
     Ok((found.image, figures))
 }
@@ -129,45 +118,14 @@ impl<'a> From<Plain<'a>> for Scene<'a> {
 }
 
 /// What pictures cast their rays by.
-const CLOSE: &[&str] = &[Casting::NAME];
+pub(super) const CLOSE: &[&str] = &[Casting::NAME];
 
 /// Raised for all modes together: what they share is most of them.
-const REVISION: u32 = 4;
-
-impl Op for DvrParams {
-    const REVISION: u32 = REVISION;
-    type Inputs<'a> = Coloured<'a>;
-    type Output = Image;
-    type Figures = RenderFigures;
-    const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
-
-    fn check_together(&self) -> Result<(), ParamError> {
-        self.picture.check_together()?;
-        self.classes.check_together()
-    }
-
-    fn wants(&self, slot: &str) -> Want {
-        wants(slot, &self.picture)
-    }
-
-    fn close(&self) -> &'static [&'static str] {
-        // Of pre-integrated steps no device knows the form.
-        if self.picture.classification == Classification::PreIntegrated { &[] } else { CLOSE }
-    }
-
-    fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-        let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
-        let with_looks = |transfer| self.classes.of(transfer).map(Some);
-        let changed = transfer.filter(|_| !self.classes.is_empty()).map_or(Ok(None), with_looks)?;
-        let transfer = changed.as_ref().or(transfer);
-        let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
-        drawn(&scene, Mode::Dvr, &self.picture, exec)
-    }
-}
+pub(super) const REVISION: u32 = 4;
 
 /// A mode without a transfer function: what it is of its parameters, and what it casts its rays by.
 macro_rules! plain {
-    ($($params:ty: $mode:expr, $close:expr);+ $(;)?) => {$(
+    ($($params:ty: $picture:expr, $close:expr);+ $(;)?) => {$(
         impl Op for $params {
             const REVISION: u32 = REVISION;
             type Inputs<'a> = Plain<'a>;
@@ -176,7 +134,7 @@ macro_rules! plain {
             const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
             fn check_together(&self) -> Result<(), ParamError> {
-                RenderParams { mode: $mode(self)?, ..self.picture.clone() }.check_together()
+                $picture(self)?.check_together()
             }
 
             fn wants(&self, slot: &str) -> Want {
@@ -184,30 +142,41 @@ macro_rules! plain {
             }
 
             fn close(&self) -> &'static [&'static str] {
-                $close
+                $close(self)
             }
 
             fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-                let mode: Result<Mode, ParamError> = $mode(self);
-                let mode = mode.map_err(crate::Error::from)?;
-                drawn(&inputs.into(), mode, &self.picture, exec)
+                let picture: Result<RenderParams, ParamError> = $picture(self);
+                drawn(&inputs.into(), &picture.map_err(crate::Error::from)?, exec)
             }
         }
     )+};
 }
+/// A picture in a mode.
+fn in_mode(mode: Mode, picture: &RenderParams) -> Result<RenderParams, ParamError> {
+    Ok(RenderParams { mode, ..picture.clone() })
+}
+
+/// No device knows the form.
+fn on_processor<T>(_: &T) -> &'static [&'static str] {
+    &[]
+}
+
 plain! {
-    MipParams: |_: &Self| Ok(Mode::Mip), CLOSE;
-    IsoParams: Self::mode, CLOSE;
-    MinipParams: |_: &Self| Ok(Mode::Minip), CLOSE;
-    // Of those that follow no device knows the form.
-    MeanParams: |_: &Self| Ok(Mode::Mean), &[];
-    LmipParams: |params: &Self| Ok(Mode::Lmip { threshold: params.threshold }), &[];
-    AttenuatedMipParams: |params: &Self| Ok(Mode::AttenuatedMip { attenuation: params.attenuation }), &[];
+    MipParams: |params: &Self| in_mode(Mode::Mip, &params.picture), |_: &Self| CLOSE;
+    IsoParams: Self::picture, |params: &Self| if params.surroundings.are_asked() { &[] } else { CLOSE };
+    MinipParams: |params: &Self| in_mode(Mode::Minip, &params.picture), |_: &Self| CLOSE;
+    MeanParams: |params: &Self| in_mode(Mode::Mean, &params.picture), on_processor;
+    LmipParams: |params: &Self| in_mode(Mode::Lmip { threshold: params.threshold }, &params.picture), on_processor;
+    AttenuatedMipParams:
+        |params: &Self| in_mode(Mode::AttenuatedMip { attenuation: params.attenuation }, &params.picture),
+        on_processor;
 }
 
 impl IsoParams {
-    fn mode(&self) -> Result<Mode, ParamError> {
+    fn picture(&self) -> Result<RenderParams, ParamError> {
         let needed = || ParamError::new("iso", "mode iso needs it", "give an isovalue, a real value");
-        Ok(Mode::Iso { value: self.iso.ok_or_else(needed)? })
+        let mode = Mode::Iso { value: self.iso.ok_or_else(needed)? };
+        Ok(RenderParams { mode, surroundings: self.surroundings, ..self.picture.clone() })
     }
 }

@@ -67,7 +67,9 @@ fn colours(transfer: &TransferFunction, labels: Option<&Labels>, classes: ClassL
         whole: None,
         lattice: None,
     };
-    let (image, _) = DvrParams { picture: picture(), classes }.run(inputs, &Exec::default()).unwrap();
+    let (image, _) = DvrParams { picture: picture(), classes, ..DvrParams::default() }
+        .run(inputs, &Exec::default())
+        .unwrap();
     let mut counts = [0; 3];
     for pixel in image.rgba().chunks(4).filter(|pixel| pixel[..3].iter().any(|&c| c > 24)) {
         let [r, g, b] = [pixel[0], pixel[1], pixel[2]];

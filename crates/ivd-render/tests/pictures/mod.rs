@@ -11,5 +11,7 @@ mod identical;
 mod picks;
 mod preintegrated;
 mod projections;
+mod stacks;
 mod surface;
+mod surroundings;
 mod views;

@@ -66,7 +66,8 @@ pub struct OutputSection {
     /// What comes of the volume in every frame, each mapped and certified: `name.nii.gz` is written as `name_0000.nii.gz` and so
     /// on.
     pub volume_series: Option<PathBuf>,
-    /// The picture `after` of every frame, each mapped and certified, all by one camera: `name.png` is written as `name_0000.png` and so on.
+    /// The picture `after` of every frame, each mapped and certified, all by one camera: `name.png` is written as `name_0000.png` and so on, `name.exr` too; `.gif` and
+    /// `.apng` hold all of them, as an animation.
     pub picture_series: Option<PathBuf>,
     /// Axes of the lattices' files, ras or lps; each says its own. Where this is left out ply, obj and stl are in RAS, vtp in LPS; glb
     /// has the axes of its standard and takes no others.

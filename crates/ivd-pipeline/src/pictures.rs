@@ -1,0 +1,239 @@
+//! Pictures as files: PNG, animated where there are several, GIF, and OpenEXR.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use ivd_core::{ErrorClass, Image};
+use rayon::prelude::*;
+
+use crate::{Error, ending};
+
+/// A turn takes so long (s), unless its pictures would follow each other too soon, or so slowly that it doesn't look like one.
+const TURN_S: f64 = 4.0;
+/// Shortest and longest time that a picture is shown (s).
+const SHOWN_S: [f64; 2] = [0.04, 0.5];
+
+/// Formats that pictures are written in.
+pub const PICTURE_ENDINGS: [&str; 4] = ["png", "apng", "gif", "exr"];
+/// Whether a file of this ending is one for all frames of a motion.
+pub(crate) fn is_animation(path: &Path) -> bool {
+    matches!(&*ending(path), "gif" | "apng")
+}
+
+/// Pictures of one size as the frames of one.
+///
+/// # Errors
+/// Pictures of different sizes.
+pub(crate) fn joined<'a>(pictures: impl Iterator<Item = &'a Image> + Clone) -> Result<Image, Error> {
+    let Some(first) = pictures.clone().next() else {
+        return Err(Error::usage("export", "there is no frame to show"));
+    };
+    let rgba = pictures.clone().flat_map(Image::rgba).copied().collect();
+    Ok(Image::of_frames([first.width(), first.height()], pictures.count(), rgba)?)
+}
+
+/// Of these that which holds light, and one picture alone.
+const LIGHT: &str = "exr";
+
+/// A picture as a file's bytes, in the format of its ending.
+///
+/// # Errors
+/// A usage error for other endings, and for what the format can't hold.
+pub(crate) fn bytes(path: &Path, image: &Image) -> Result<Vec<u8>, Error> {
+    check_pictures(path, image.frames(), image.light().is_some())?;
+    match &*ending(path) {
+        "gif" => gif_bytes(image),
+        LIGHT => exr_bytes(image),
+        _ => png_bytes(image),
+    }
+}
+
+/// Whether a file of this ending can hold so many pictures, with or without the light that they are made of.
+///
+/// # Errors
+/// A usage error, with the remedy, where it can't.
+pub fn check_pictures(path: &Path, frames: usize, has_light: bool) -> Result<(), Error> {
+    let ending = ending(path);
+    let problem = if !PICTURE_ENDINGS.contains(&&*ending) {
+        format!("pictures are written as .{}, not as .{ending}", PICTURE_ENDINGS.join(", ."))
+    } else if ending != LIGHT {
+        return Ok(());
+    } else if frames > 1 {
+        format!(
+            "an .exr holds one picture, not {frames}: `ivd export IMAGE.ivd -o FILE.exr --frame all` writes one file for each"
+        )
+    } else if !has_light {
+        "an .exr holds light, and none was kept: render with --keep-light, in a scene `render.keep_light = true`".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(Error::usage("export", format!("{}: {problem}", path.display())))
+}
+
+/// A picture as a PNG file's bytes; several as an animated one.
+///
+/// # Errors
+/// A size that PNG files don't have.
+pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
+    encoded(image, png::Compression::default())
+}
+
+/// The same, soon made rather than small: for pictures that are looked at once.
+///
+/// # Errors
+/// As [`png_bytes`].
+pub fn quick_png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
+    encoded(image, png::Compression::Fastest)
+}
+
+fn encoded(image: &Image, compression: png::Compression) -> Result<Vec<u8>, Error> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width() as u32, image.height() as u32);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(compression);
+    if image.frames() > 1 {
+        encoder.set_animated(image.frames() as u32, 0).map_err(failed)?;
+        encoder.set_frame_delay(hundredths(image), 100).map_err(failed)?;
+    }
+    let mut writer = encoder.write_header().map_err(failed)?;
+    for pixels in image.rgba().chunks_exact(4 * image.width() * image.height()) {
+        writer.write_image_data(pixels).map_err(failed)?;
+    }
+    writer.finish().map_err(failed)?;
+    Ok(bytes)
+}
+
+/// How long a picture of a turn is shown (s/100).
+fn hundredths(image: &Image) -> u16 {
+    let [shortest, longest] = SHOWN_S;
+    (100.0 * (TURN_S / image.frames() as f64).clamp(shortest, longest)).round() as u16
+}
+
+/// Pictures as a GIF file's bytes, each with 256 colours of its own, that begin anew after the last.
+fn gif_bytes(image: &Image) -> Result<Vec<u8>, Error> {
+    /// Of every tenth pixel colours are chosen: what the encoder's authors advise.
+    const SPEED: i32 = 10;
+    let side = |length: usize| {
+        let told = || {
+            format!("{length} pixels: a .gif has at most {} a side; render it smaller, or as .png", u16::MAX)
+        };
+        u16::try_from(length).map_err(|_| Error::usage("export", told()))
+    };
+    let (width, height) = (side(image.width())?, side(image.height())?);
+    let frames: Vec<gif::Frame<'_>> = image
+        .rgba()
+        .par_chunks_exact(4 * image.width() * image.height())
+        .map(|pixels| {
+            let mut frame = gif::Frame::from_rgba_speed(width, height, &mut pixels.to_vec(), SPEED);
+            frame.delay = hundredths(image);
+            frame.dispose = gif::DisposalMethod::Background;
+            frame
+        })
+        .collect();
+    let mut bytes = Vec::new();
+    let mut encoder = gif::Encoder::new(&mut bytes, width, height, &[]).map_err(failed)?;
+    if frames.len() > 1 {
+        encoder.set_repeat(gif::Repeat::Infinite).map_err(failed)?;
+    }
+    for frame in &frames {
+        encoder.write_frame(frame).map_err(failed)?;
+    }
+    drop(encoder);
+    Ok(bytes)
+}
+
+/// The light of a picture that kept it as an OpenEXR file's bytes: premultiplied linear RGBA, 32 bit a channel, as it is.
+fn exr_bytes(image: &Image) -> Result<Vec<u8>, Error> {
+    use exr::prelude::{
+        Encoding, Image as Exr, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage as _,
+    };
+    let light = image.light().unwrap_or_default();
+    let pixel = |Vec2(x, y): Vec2<usize>| {
+        let at = 4 * (x + image.width() * y);
+        (light[at], light[at + 1], light[at + 2], light[at + 3])
+    };
+    let attributes = LayerAttributes { software_name: Some("ivd".into()), ..LayerAttributes::default() };
+    let channels = SpecificChannels::rgba(pixel);
+    let layer =
+        Layer::new((image.width(), image.height()), attributes, Encoding::SMALL_FAST_LOSSLESS, channels);
+    let mut bytes = Cursor::new(Vec::new());
+    Exr::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(failed)?;
+    Ok(bytes.into_inner())
+}
+
+fn failed(error: impl std::error::Error + Send + Sync + 'static) -> Error {
+    Error::Stage { stage: "export", source: Box::new(error), class: ErrorClass::Io }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three pictures of one colour each.
+    fn turn() -> Image {
+        let rgba: Vec<u8> = [[200, 30, 30, 255], [30, 200, 30, 255], [30, 30, 200, 255]].concat();
+        let rgba = rgba.chunks(4).flat_map(|colour| colour.repeat(12)).collect();
+        Image::of_frames([4, 3], 3, rgba).unwrap()
+    }
+
+    #[test]
+    fn an_animated_png_has_all_frames() {
+        let bytes = png_bytes(&turn()).unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+        let control = *reader.info().animation_control().unwrap();
+        assert_eq!((control.num_frames, control.num_plays), (3, 0));
+        for frame in 0..3 {
+            let mut pixels = vec![0; 48];
+            reader.next_frame(&mut pixels).unwrap();
+            assert_eq!(pixels, turn().frame(frame).unwrap().rgba());
+            let shown = reader.info().frame_control().unwrap();
+            assert_eq!((shown.delay_num, shown.delay_den), (50, 100));
+        }
+    }
+
+    #[test]
+    fn a_gif_has_all_frames_in_their_colours() {
+        let bytes = gif_bytes(&turn()).unwrap();
+        let mut options = gif::DecodeOptions::new();
+        options.set_color_output(gif::ColorOutput::RGBA);
+        let mut decoder = options.read_info(Cursor::new(bytes)).unwrap();
+        for frame in 0..3 {
+            let read = decoder.read_next_frame().unwrap().unwrap();
+            assert_eq!((&*read.buffer, read.delay), (turn().frame(frame).unwrap().rgba(), 50));
+        }
+        assert!(decoder.read_next_frame().unwrap().is_none());
+        assert_eq!(decoder.repeat(), gif::Repeat::Infinite);
+    }
+
+    #[test]
+    fn an_exr_gives_the_light_back_as_it_was() {
+        use exr::prelude::*;
+        let light: Vec<f32> = (0..48).map(|i| 0.1 * i as f32 - 1.0).collect();
+        let image = turn().frame(0).unwrap().with_light(light.clone()).unwrap();
+        let read = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .rgba_channels(
+                |size, _| (size.width(), vec![0.0_f32; 4 * size.area()]),
+                |(width, all), at, (r, g, b, a): (f32, f32, f32, f32)| {
+                    let at = 4 * (at.x() + *width * at.y());
+                    all[at..at + 4].copy_from_slice(&[r, g, b, a]);
+                },
+            )
+            .first_valid_layer()
+            .all_attributes()
+            .non_parallel()
+            .from_buffered(Cursor::new(exr_bytes(&image).unwrap()))
+            .unwrap();
+        assert_eq!(read.layer_data.channel_data.pixels.1, light);
+    }
+
+    #[test]
+    fn what_a_format_does_not_hold_is_refused_with_a_remedy() {
+        let problem = |path: &str, image: &Image| bytes(Path::new(path), image).unwrap_err().to_string();
+        assert!(problem("a.exr", &turn()).contains("--frame all"));
+        assert!(problem("a.exr", &turn().frame(0).unwrap()).contains("--keep-light"));
+        assert!(problem("a.jpg", &turn()).contains(".apng"));
+    }
+}

@@ -1,0 +1,127 @@
+//! The modes with a transfer function: their parameters, and what they draw.
+
+use ivd_core::op::{Failure, Op, Remark, Want};
+use ivd_core::{Exec, Image, ParamError};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{Across, ClassLooks, Classification, Mode, RenderParams, Scene, Surroundings};
+
+use super::modes::{CLOSE, REVISION, drawn, wants};
+use super::{Coloured, RenderFigures};
+
+/// Most slices.
+const MOST_SLICES: usize = 65536;
+
+/// Direct volume rendering: emission and absorption by the transfer function.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct DvrParams {
+    /// The picture.
+    #[serde(flatten)]
+    pub picture: RenderParams,
+    /// What takes light away.
+    #[serde(flatten)]
+    pub surroundings: Surroundings,
+    /// How single classes are drawn.
+    #[serde(flatten)]
+    pub classes: ClassLooks,
+}
+
+/// The same gathered by slices, across the view or across the grid's axis that it runs along most: another way to the picture of mode dvr, to hold it against. Their number
+/// takes the place of `step`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct SlicesParams {
+    /// How many; without it twice as many as voxels lie along what they lie across.
+    #[schemars(range(min = 1, max = MOST_SLICES), extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    pub slices: Option<usize>,
+    /// What they lie across.
+    pub across: Across,
+    /// The picture.
+    #[serde(flatten)]
+    pub picture: RenderParams,
+    /// How single classes are drawn.
+    #[serde(flatten)]
+    pub classes: ClassLooks,
+}
+
+/// The same gathered by slices that are sheared, in a picture that is warped: another way to the picture of mode dvr, to hold it against. Their number takes the place of
+/// `step`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct ShearWarpParams {
+    /// How many; without it twice as many as voxels lie along the axis that they lie across.
+    #[schemars(range(min = 1, max = MOST_SLICES), extend("x-unit" = "1", "x-knob" = "accuracy"))]
+    pub slices: Option<usize>,
+    /// The picture.
+    #[serde(flatten)]
+    pub picture: RenderParams,
+    /// How single classes are drawn.
+    #[serde(flatten)]
+    pub classes: ClassLooks,
+}
+
+impl DvrParams {
+    fn asked(&self) -> RenderParams {
+        RenderParams { mode: Mode::Dvr, surroundings: self.surroundings, ..self.picture.clone() }
+    }
+
+    fn is_close(&self) -> bool {
+        let is_pre_integrated = self.picture.classification == Classification::PreIntegrated;
+        !is_pre_integrated && !self.surroundings.are_asked()
+    }
+}
+
+impl SlicesParams {
+    fn asked(&self) -> RenderParams {
+        let mode = Mode::Slices { count: self.slices, across: self.across };
+        RenderParams { mode, ..self.picture.clone() }
+    }
+}
+
+impl ShearWarpParams {
+    fn asked(&self) -> RenderParams {
+        RenderParams { mode: Mode::ShearWarp { count: self.slices }, ..self.picture.clone() }
+    }
+}
+
+/// A mode with a transfer function, and whether devices know its form.
+macro_rules! coloured {
+    ($($params:ty: $is_close:expr);+ $(;)?) => {$(
+        impl Op for $params {
+            const REVISION: u32 = REVISION;
+            type Inputs<'a> = Coloured<'a>;
+            type Output = Image;
+            type Figures = RenderFigures;
+            const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
+
+            fn check_together(&self) -> Result<(), ParamError> {
+                self.asked().check_together()?;
+                self.classes.check_together()
+            }
+
+            fn wants(&self, slot: &str) -> Want {
+                wants(slot, &self.picture)
+            }
+
+            fn close(&self) -> &'static [&'static str] {
+                if $is_close(self) { CLOSE } else { &[] }
+            }
+
+            fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
+                let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
+                let with_looks = |transfer| self.classes.of(transfer).map(Some);
+                let changed = transfer.filter(|_| !self.classes.is_empty()).map_or(Ok(None), with_looks)?;
+                let transfer = changed.as_ref().or(transfer);
+                let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
+                drawn(&scene, &self.asked(), exec)
+            }
+        }
+    )+};
+}
+coloured! {
+    DvrParams: Self::is_close;
+    SlicesParams: |_: &Self| false;
+    ShearWarpParams: |_: &Self| false;
+}
