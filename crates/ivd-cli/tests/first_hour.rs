@@ -267,7 +267,10 @@ fn glb_json(bytes: &[u8]) -> Value {
 /// The last frame is what a scene without frames makes, bit for bit; a shorter motion leaves none of a longer one's, and a member of a series of
 /// meshes that is gone is written again.
 fn still_and_shorter(at: &Path, scene: &str, last: &[u8]) {
-    let run = |scene: &str| assert!(pipeline(at, scene).status.success());
+    let run = |scene: &str| {
+        let done = pipeline(at, scene);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    };
     let there = |name: &str| at.join("out").join(name).exists();
     let alone = scene.replace("volume_series = \"frames/at.nii.gz\"\n", "");
     let alone = alone.replace("picture_series = \"drawn/at.png\"\n", "");

@@ -162,7 +162,8 @@ fn a_turntable_is_an_animation_of_single_views_by_one_scale() {
     assert_eq!(bytes(at, "turn.apng"), bytes(at, "turn.PNG"));
     // What is seen is what is turned: it fits at every angle, and turning half round turns it over.
     let info = json(at, &["info", "turn.ivd"]);
-    assert!(info["frames"] == 4 && info["light"] == false, "{info}");
+    let content = &info["content"];
+    assert!(content["frames"] == 4 && content["light"] == false, "{info}");
     let (code, told) = refused(at, &["export", "turn.ivd", "-o", "x.png", "--frame", "4"]);
     assert!(code == 2 && told.contains("has 4"), "{told}");
     let (code, told) = refused(at, &["render", "v.ivd", "--mode", "mip", "--turntable", "4", "-o", "x.exr"]);

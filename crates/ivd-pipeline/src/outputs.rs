@@ -195,9 +195,9 @@ impl<'a> Writer<'a> {
 
     /// Writes the frames that were kept, as an animation.
     pub(crate) fn animation(&mut self, key: &str) -> Result<(), Error> {
-        let shown = std::mem::take(&mut self.shown);
         let path = self.scene.output.files().into_iter().find(|(known, _)| *known == key);
-        let Some((_, path)) = path.filter(|_| !shown.is_empty()) else { return Ok(()) };
+        let Some((_, path)) = path.filter(|(_, path)| is_animation(path)) else { return Ok(()) };
+        let shown = std::mem::take(&mut self.shown);
         let hashes: Vec<String> = shown.iter().map(|(hash, _)| hash.to_string()).collect();
         self.file(key, path, &hashes.join(" "), |to, exec| {
             let all = joined(shown.iter().filter_map(|(_, artefact)| Image::of(artefact)))?;

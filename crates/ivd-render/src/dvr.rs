@@ -38,6 +38,8 @@ pub(crate) struct Step {
     pub(crate) place: Place,
     /// The brick that holds the middle.
     pub(crate) brick: usize,
+    /// Share of its light that what lies before it lets through.
+    pub(crate) through: f32,
 }
 
 /// Direct volume rendering: the premultiplied over operator from front to back, until `termination` (Engel et al. 2004;
@@ -75,7 +77,8 @@ pub(crate) fn dvr<T: Stored, O: Optics<T>>(
             home = Home::of(place.cell());
         }
         taken += 1;
-        let (entry, end) = optics.step(field, ray, &Step { number, at, place, brick }, front);
+        let step = Step { number, at, place, brick, through: 1.0 - rgba[3] };
+        let (entry, end) = optics.step(field, ray, &step, front);
         over(&mut rgba, entry);
         (number, front) = (number + 1, Some(end));
         if rgba[3] >= termination {
@@ -132,7 +135,8 @@ fn begin<T: Stored, O: Optics<T>>(
     while begun.steps < cut.steps.min(ray.steps) && begun.rgba[3] < termination {
         let at = ray.at(begun.steps);
         let place = field.samples.shape.place(at);
-        let step = Step { number: begun.steps, at, place, brick: field.space.brick(at) };
+        let (brick, through) = (field.space.brick(at), 1.0 - begun.rgba[3]);
+        let step = Step { number: begun.steps, at, place, brick, through };
         let (entry, end) = unlit.step(field, ray, &step, front);
         let entry = if entry[3] > 0.0 { lit(entry, at) } else { entry };
         over(&mut begun.rgba, entry);

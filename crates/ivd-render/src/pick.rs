@@ -49,7 +49,7 @@ pub(crate) fn half_way<T: Stored, O: Optics<T>>(field: &Field<'_, T>, optics: &O
         (0..ray.steps).map(move |number| {
             let at = ray.at(number);
             let place = field.samples.shape.place(at);
-            let step = Step { number, at, place, brick: field.space.brick(at) };
+            let step = Step { number, at, place, brick: field.space.brick(at), through: 1.0 };
             let (entry, end) = optics.step(field, ray, &step, front.take());
             front = Some(end);
             entry[3]

@@ -24,6 +24,9 @@ const REACH: f64 = 1.0 / 16.0;
 /// Rays begin so far off, in shortest edges of a voxel: along the normal, or along themselves where there is none. Nearer by a surface that is two
 /// voxels deep would shade itself, from further off cracks are overlooked.
 const OFF: f64 = 1.0;
+/// A place that adds this share or more to its pixel has all the rays that are asked for about it, one that adds less as many fewer: so the noise of pixels is that of surfaces, at a
+/// cost that doesn't grow with the number of places that can be seen through.
+const FULL: f32 = 0.25;
 /// Opacity at which nothing comes through.
 const OPAQUE: f32 = 0.999;
 
@@ -31,7 +34,8 @@ const OPAQUE: f32 = 0.999;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Surroundings {
-    /// Ambient occlusion: rays that find how much of what a place faces is open, about every place that is lit; 0 for none. The more, the less noise.
+    /// Ambient occlusion: rays that find how much of what a place faces is open, about every place that is lit, fewer where it adds little to its pixel; 0 for none. The more, the
+    /// less noise.
     #[schemars(range(max = MOST_RAYS), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub ao: u32,
     /// How far these rays reach; without it a sixteenth of the volume's diagonal.
@@ -75,8 +79,11 @@ impl<'a> Around<'a> {
         Self { camera, asked, reach, off: OFF * grid.shortest_edge(), lamp }
     }
 
-    /// What is left at a place (voxel coordinate) that faces along a normal, or every way. `through`: how much of the light comes through along a ray.
-    fn left(&self, at: [f32; 3], normal: Option<[f32; 3]>, through: impl Fn(&Ray) -> f32) -> Left {
+    /// What is left at a place (voxel coordinate) that faces along a normal, or every way.
+    ///
+    /// - `adds`: share that the place has of its pixel.
+    /// - `through`: how much of the light comes through along a ray.
+    fn left(&self, at: [f32; 3], normal: Option<[f32; 3]>, adds: f32, through: impl Fn(&Ray) -> f32) -> Left {
         let normal = normal.map(|n| Vector3::from(n.map(f64::from)));
         let from = Vector3::from(at.map(f64::from));
         let [origin, near] = match normal {
@@ -91,7 +98,7 @@ impl<'a> Around<'a> {
             return Left { ambient: 1.0, lamp };
         }
         let turn = turn(at, self.asked.seed);
-        let rays = self.asked.ao;
+        let rays = (self.asked.ao as f32 * (adds / FULL).min(1.0)).ceil().max(1.0) as u32;
         let sum: f32 = (0..rays).map(|i| open(direction(i, rays, turn, normal), self.reach)).sum();
         Left { ambient: sum / rays as f32, lamp }
     }
@@ -142,19 +149,20 @@ pub(crate) struct Surrounded<'a, O> {
 }
 
 impl<O> Surrounded<'_, O> {
-    /// Opacity decides how much comes through.
+    /// Opacity decides how much comes through. `before`: what lies before it lets through so much.
     fn lit_at<T: Stored>(
         &self,
         field: &Field<'_, T>,
         entry: [f32; 4],
         at: [f32; 3],
         normal: Option<[f32; 3]>,
+        before: f32,
     ) -> [f32; 4]
     where
         O: Optics<T>,
     {
         let through = |ray: &Ray| 1.0 - dvr(field, &self.unlit, OPAQUE, ray).rgba[3];
-        field.light.lit_by(entry, normal, self.around.left(at, normal, through))
+        field.light.lit_by(entry, normal, self.around.left(at, normal, before * entry[3], through))
     }
 
     fn normal<T: Stored>(&self, field: &Field<'_, T>, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
@@ -177,7 +185,7 @@ impl<T: Stored, O: Optics<T> + Copy> Optics<T> for Surrounded<'_, O> {
             return (entry, end);
         }
         let normal = self.normal(field, step.at, field.moves(step.brick));
-        (self.lit_at(field, entry, step.at, normal), end)
+        (self.lit_at(field, entry, step.at, normal, step.through), end)
     }
 
     fn rest(&self, field: &Field<'_, T>, ray: &Ray) -> [f32; 4] {
@@ -186,7 +194,7 @@ impl<T: Stored, O: Optics<T> + Copy> Optics<T> for Surrounded<'_, O> {
             return entry;
         }
         let normal = self.normal(field, ray.rest_at, field.moves(field.space.brick(ray.rest_at)));
-        self.lit_at(field, entry, ray.rest_at, normal)
+        self.lit_at(field, entry, ray.rest_at, normal, 1.0)
     }
 
     fn unlit(&self) -> Option<impl Optics<T, End = O::End>> {
@@ -194,7 +202,7 @@ impl<T: Stored, O: Optics<T> + Copy> Optics<T> for Surrounded<'_, O> {
     }
 
     fn lit(&self, field: &Field<'_, T>, entry: [f32; 4], at: [f32; 3], normal: [f32; 3]) -> [f32; 4] {
-        self.lit_at(field, entry, at, Some(normal))
+        self.lit_at(field, entry, at, Some(normal), 1.0)
     }
 }
 
@@ -212,7 +220,7 @@ pub(crate) fn first_hit<T: Stored>(
     let moves = field.moves(field.space.brick(at));
     let normal = cut.or_else(|| field.normal_there(at, moves));
     let through = |ray: &Ray| if first_place(field, iso, sign, ray).0.is_some() { 0.0 } else { 1.0 };
-    let left = around.left(at, normal, through);
+    let left = around.left(at, normal, 1.0, through);
     Cast { rgba: field.light.lit_by([r, g, b, 1.0], normal, left), taken, skipped }
 }
 

@@ -231,7 +231,6 @@ fn a_homogeneous_cloud_leaves_of_the_sky_what_its_depth_does() {
     let params = RenderParams { shading: false, ..above(Mode::Dvr, asked) };
     let with = drawn(&scene, &params);
     let without = drawn(&scene, &RenderParams { surroundings: Surroundings::default(), ..params });
-    let at = 32 + 64 * 32;
     // Through all of it; a slice of the way within the reach of the faces sees more. Compare with quadrature over depth and direction.
     let (mut truth, mut plain, pieces) = (0.0, 0.0, 600);
     for i in 0..pieces {
@@ -246,9 +245,13 @@ fn a_homogeneous_cloud_leaves_of_the_sky_what_its_depth_does() {
         truth += weight * open;
         plain += weight;
     }
-    let [with, without] = [&with, &without].map(|light| f64::from(light.rgba[at][0]));
+    // In the middle, where no side is within the reach, all pixels are alike but for noise.
+    let [with, without] = [&with, &without].map(|light| {
+        let middle = (28..36).flat_map(|y| (28..36).map(move |x| f64::from(light.rgba[x + 64 * y][0])));
+        middle.sum::<f64>() / 64.0
+    });
     assert!((without - plain).abs() < 2e-3, "{without} for {plain}");
-    // Two rays a sample, hundreds of samples.
-    assert!((with / without - truth / plain).abs() < 0.02, "{} for {}", with / without, truth / plain);
+    // A ray or two a sample, hundreds of samples.
+    assert!((with / without - truth / plain).abs() < 0.01, "{} for {}", with / without, truth / plain);
     assert!(truth / plain < 0.75);
 }
