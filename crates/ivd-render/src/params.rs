@@ -199,6 +199,7 @@ impl Default for View {
 /// What the picture is to be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
+#[allow(clippy::struct_excessive_bools, reason = "keys of a scene, each a question of its own")]
 pub struct RenderParams {
     /// What a ray makes of the values along it; in scenes the method.
     #[serde(skip)]

@@ -109,7 +109,7 @@ fn pictures(
         context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
         written.push(told(frame, &path, touched, None));
     }
-    print_frames(input, written, context)
+    print_frames(input, &written, context)
 }
 
 /// The frames that are asked for of so many, each with its file.
@@ -120,7 +120,7 @@ fn files(asked: Frames, count: usize, output: &Path) -> Vec<(usize, PathBuf)> {
     }
 }
 
-fn print_frames(input: &Input, written: Vec<Value>, context: &Context) -> anyhow::Result<()> {
+fn print_frames(input: &Input, written: &[Value], context: &Context) -> anyhow::Result<()> {
     let object = json!({
         "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
         "outputs": written,
@@ -165,7 +165,7 @@ fn frames(
         context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
         written.push(told(frame, &path, touched, figures));
     }
-    print_frames(input, written, context)
+    print_frames(input, &written, context)
 }
 
 /// What is told of a frame's file.

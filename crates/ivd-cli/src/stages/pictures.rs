@@ -7,7 +7,7 @@ use serde_json::Value as Json;
 
 /// An `.exr` holds the light that a picture is made of.
 pub(super) fn implied(output: &Path) -> Option<(&'static str, Json)> {
-    (ending(output) == "exr").then(|| ("keep_light", Json::Bool(true)))
+    (ending(output) == "exr").then_some(("keep_light", Json::Bool(true)))
 }
 
 /// Refuses a file that can't hold the pictures.

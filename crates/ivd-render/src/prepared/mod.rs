@@ -247,7 +247,7 @@ impl<'a> Prepared<'a> {
         }
         let image = Image::of_frames(size, turntable, rgba)?;
         let image = if keep_light { image.with_light(light)? } else { image };
-        Ok(self.told(Made { image, samples, skipped }))
+        Ok(Made { image, samples, skipped }.into())
     }
 
     /// The picture of a view.
@@ -255,18 +255,7 @@ impl<'a> Prepared<'a> {
     /// # Errors
     /// As [`crate::render`].
     pub fn render(&self, view: View, exec: &Exec) -> Result<Rendered, Error> {
-        Ok(self.told(self.picture(view, exec)?))
-    }
-
-    fn told(&self, Made { image, samples, skipped }: Made) -> Rendered {
-        let pixels = (image.rgba().len() / 4) as f64;
-        Rendered {
-            frames: image.frames() as u32,
-            image,
-            samples,
-            samples_per_pixel: samples as f64 / pixels,
-            skipped_fraction: skipped as f64 / (samples + skipped).max(1) as f64,
-        }
+        Ok(self.picture(view, exec)?.into())
     }
 
     fn picture(&self, view: View, exec: &Exec) -> Result<Made, Error> {
@@ -294,6 +283,19 @@ struct Made {
     image: Image,
     samples: u64,
     skipped: u64,
+}
+
+impl From<Made> for Rendered {
+    fn from(Made { image, samples, skipped }: Made) -> Self {
+        let pixels = (image.rgba().len() / 4) as f64;
+        Self {
+            frames: image.frames() as u32,
+            image,
+            samples,
+            samples_per_pixel: samples as f64 / pixels,
+            skipped_fraction: skipped as f64 / (samples + skipped).max(1) as f64,
+        }
+    }
 }
 
 /// Whether a voxel with data has no label: none of the parts that were chosen.

@@ -134,7 +134,8 @@ macro_rules! plain {
             const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
             fn check_together(&self) -> Result<(), ParamError> {
-                $picture(self)?.check_together()
+                let picture: Result<RenderParams, ParamError> = $picture(self);
+                picture?.check_together()
             }
 
             fn wants(&self, slot: &str) -> Want {
@@ -153,8 +154,8 @@ macro_rules! plain {
     )+};
 }
 /// A picture in a mode.
-fn in_mode(mode: Mode, picture: &RenderParams) -> Result<RenderParams, ParamError> {
-    Ok(RenderParams { mode, ..picture.clone() })
+fn in_mode(mode: Mode, picture: &RenderParams) -> RenderParams {
+    RenderParams { mode, ..picture.clone() }
 }
 
 /// No device knows the form.
@@ -163,13 +164,15 @@ fn on_processor<T>(_: &T) -> &'static [&'static str] {
 }
 
 plain! {
-    MipParams: |params: &Self| in_mode(Mode::Mip, &params.picture), |_: &Self| CLOSE;
+    MipParams: |params: &Self| Ok(in_mode(Mode::Mip, &params.picture)), |_: &Self| CLOSE;
     IsoParams: Self::picture, |params: &Self| if params.surroundings.are_asked() { &[] } else { CLOSE };
-    MinipParams: |params: &Self| in_mode(Mode::Minip, &params.picture), |_: &Self| CLOSE;
-    MeanParams: |params: &Self| in_mode(Mode::Mean, &params.picture), on_processor;
-    LmipParams: |params: &Self| in_mode(Mode::Lmip { threshold: params.threshold }, &params.picture), on_processor;
+    MinipParams: |params: &Self| Ok(in_mode(Mode::Minip, &params.picture)), |_: &Self| CLOSE;
+    MeanParams: |params: &Self| Ok(in_mode(Mode::Mean, &params.picture)), on_processor;
+    LmipParams:
+        |params: &Self| Ok(in_mode(Mode::Lmip { threshold: params.threshold }, &params.picture)),
+        on_processor;
     AttenuatedMipParams:
-        |params: &Self| in_mode(Mode::AttenuatedMip { attenuation: params.attenuation }, &params.picture),
+        |params: &Self| Ok(in_mode(Mode::AttenuatedMip { attenuation: params.attenuation }, &params.picture)),
         on_processor;
 }
 

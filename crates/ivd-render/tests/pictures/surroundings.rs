@@ -120,8 +120,8 @@ fn more_rays_come_nearer_to_many_as_a_lattice_does() {
 fn a_slab_shades_itself_by_the_lengths_of_the_light_s_ways() {
     let grid = Grid::with_spacing([96, 96, 12], [1.0; 3]).unwrap();
     let volume = Volume::new(grid.clone(), Voxels::from(vec![1.0_f32; grid.len()])).unwrap();
-    let tau = 0.15;
-    let opacity = (1.0 - (-tau as f64).exp()) as f32;
+    let tau = 0.15_f64;
+    let opacity = (1.0 - (-tau).exp()) as f32;
     let transfer =
         TransferFunction::new([0.0, 1.0], 2, 1.0, vec![0], vec![[1.0, 1.0, 1.0, opacity]; 2], vec![])
             .unwrap();
