@@ -71,6 +71,21 @@ pub struct Slice {
     pub slices: usize,
 }
 
+/// How a class is drawn.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Class {
+    /// Its number.
+    pub id: u16,
+    /// Values that it is seen at.
+    pub values: [f64; 2],
+    /// Whether it isn't drawn.
+    pub hidden: bool,
+    /// Opacity over the transfer function's reference length, 0…1.
+    pub opacity: f64,
+    /// Colour, `#rrggbb`.
+    pub colour: String,
+}
+
 /// What is told beside the pictures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figures {
@@ -102,6 +117,10 @@ pub struct Figures {
     pub hovered: Option<Hovered>,
     /// The slices.
     pub slices: [Slice; 3],
+    /// Classes whose look can be changed; none where the picture isn't made by them.
+    pub classes: Vec<Class>,
+    /// Whether something would be lost that no scene was saved of.
+    pub unsaved: bool,
     /// Values that are black and white in slices.
     pub window: [f64; 2],
     /// What would be undone.
@@ -128,6 +147,8 @@ pub struct Figures {
     pub behind: f64,
     /// What the last event took: lattice, displacement, values (s).
     pub times: [f64; 3],
+    /// What the last pictures took (s).
+    pub draw_s: f64,
     /// Why the last event wasn't followed.
     pub refused: Option<Refused>,
     /// What was chosen for the person.

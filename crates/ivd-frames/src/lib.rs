@@ -12,18 +12,27 @@
 mod colours;
 mod error;
 mod figures;
+mod log;
 mod model;
+mod opening;
 mod panes;
+mod planes;
 mod queue;
 mod request;
 mod save;
 mod service;
+mod source;
 mod subject;
+mod tools;
 
 pub use error::Error;
-pub use figures::{Figures, Hovered, Refused, Slice, Spot};
+pub use figures::{Class, Figures, Hovered, Refused, Slice, Spot};
+pub use log::Log;
 pub use model::Model;
+pub use opening::{Begun, Line, Scan, Tell};
 pub use request::{Axis, MapName, Pane, Request, Saved};
 pub use save::File;
 pub use service::{Client, Frame, Output, Picture, Service};
+pub use source::{Opened, Source, demo_scene};
 pub use subject::{Subject, bare_scene};
+pub use tools::{KEYS, NOTICE, Tool};

@@ -1,11 +1,10 @@
 //! Where places lie in the panes, and what panes show where.
 
-use ivd_core::{Exec, Grid, Image, TransferFunction, Volume, VoxelCoord, VoxelIndex, World};
+use ivd_core::{Exec, Grid, Image, TransferFunction, Volume, VoxelCoord};
 use ivd_render::{Clip, Fit, Lens, Prepared, RenderParams, Scene, View};
-use ivd_report::{Plane, planes};
 use nalgebra::Vector3;
 
-use crate::colours::Window;
+use crate::planes::Planes;
 use crate::{Error, Pane};
 
 /// Step of a coarse picture's rays, in those of a whole one's.
@@ -13,15 +12,13 @@ const COARSE_STEP: f64 = 2.0;
 
 /// How the panes look at a volume.
 pub(crate) struct Panes {
-    planes: [Plane; 3],
+    pub(crate) planes: Planes,
     /// Of the volume's pane.
     pub(crate) size: [usize; 2],
     pub(crate) view: View,
     first: View,
     /// How pictures are drawn, but for size and view.
     picture: RenderParams,
-    /// The voxel that the slices meet in (voxel coordinates).
-    pub(crate) cross: [f64; 3],
     /// Along which pane the volume's picture is cut open there.
     pub(crate) cut: Option<Pane>,
 }
@@ -46,12 +43,11 @@ impl Panes {
         let grid = volume.grid();
         let picture = RenderParams { annotate: false, picks: Vec::new(), size, ..picture.clone() };
         let mut panes = Self {
-            planes: planes(grid),
+            planes: Planes::new(grid),
             size,
             view: picture.view,
             first: picture.view,
             picture,
-            cross: grid.dims().map(|n| (n / 2) as f64),
             cut: None,
         };
         // What fits at first stays so: a camera that follows what is seen would move while that is deformed.
@@ -84,7 +80,7 @@ impl Panes {
     fn clip(&self, grid: &Grid) -> Result<Option<Clip>, Error> {
         let Some(along) = self.cut else { return Ok(None) };
         let towards_eye = Vector3::from(self.lens(grid)?.axes()[2]);
-        let normal = match self.plane(along) {
+        let normal = match self.planes.plane(along) {
             None => -towards_eye,
             Some(plane) => {
                 let [right, down] = plane.ways(grid).map(Vector3::from);
@@ -92,7 +88,7 @@ impl Panes {
                 across * -across.dot(&towards_eye).signum()
             }
         };
-        let point = grid.world(VoxelCoord(self.cross.into())).0;
+        let point = grid.world(VoxelCoord(self.planes.cross.into())).0;
         Ok(Some(Clip::plane(point.into(), normal.into())))
     }
 
@@ -124,40 +120,30 @@ impl Panes {
         transfer: Option<&TransferFunction>,
         exec: &Exec,
     ) -> Result<Option<[f64; 3]>, Error> {
-        let grid = volume.grid();
-        let Some(plane) = self.plane(pane) else {
-            let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
-            if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {
-                return Ok(None);
-            }
-            let prepared = self.prepared(volume, transfer, self.size, false, exec)?;
-            return Ok(prepared.pick(self.view, pixel.map(|c| c as usize))?.map(|pick| pick.place));
-        };
-        let voxel = plane.voxel(grid.dims(), self.cross[plane.cut()], at);
-        let inside = (0..3).all(|a| (-0.5..grid.dims()[a] as f64 - 0.5).contains(&voxel[a]));
-        Ok(inside.then(|| grid.world(VoxelCoord(voxel.into())).0.into()))
+        if self.planes.plane(pane).is_some() {
+            return Ok(self.planes.look(pane, at, volume.grid()));
+        }
+        let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
+        if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {
+            return Ok(None);
+        }
+        let prepared = self.prepared(volume, transfer, self.size, false, exec)?;
+        Ok(prepared.pick(self.view, pixel.map(|c| c as usize))?.map(|pick| pick.place))
     }
 
     /// Where each pane shows a place, as shares of it.
     pub(crate) fn shares(&self, grid: &Grid, lens: &Lens, place: [f64; 3]) -> [Option<[f64; 2]>; 4] {
-        Pane::ALL.map(|pane| match self.plane(pane) {
-            Some(plane) => {
-                let VoxelCoord(voxel) = grid.voxel(World(place.into()));
-                Some(plane.place(grid.dims(), voxel.into()))
+        Pane::ALL.map(|pane| match pane {
+            Pane::Volume => {
+                lens.project(place).map(|pixel| [0, 1].map(|a| (pixel[a] + 0.5) / self.size[a] as f64))
             }
-            None => lens.project(place).map(|pixel| [0, 1].map(|a| (pixel[a] + 0.5) / self.size[a] as f64)),
+            slice => self.planes.share(slice, grid, place),
         })
-    }
-
-    /// How many slices a place lies before or behind each slice.
-    pub(crate) fn off(&self, grid: &Grid, place: [f64; 3]) -> [f64; 3] {
-        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
-        self.planes.map(|plane| voxel[plane.cut()] - self.slice(&plane, grid.dims()) as f64)
     }
 
     /// What a pane's width and height are at a place.
     pub(crate) fn across(&self, pane: Pane, grid: &Grid, lens: &Lens, place: [f64; 3]) -> Across {
-        match self.plane(pane) {
+        match self.planes.plane(pane) {
             None => {
                 let [right, up, _] = lens.axes().map(Vector3::from);
                 let [width, height] = self.size.map(|n| n as f64 * lens.pixel_at(place));
@@ -169,26 +155,6 @@ impl Panes {
                 Across { right: world([1.0, 0.0]) - corner, down: world([0.0, 1.0]) - corner }
             }
         }
-    }
-
-    /// The plane of a slice's pane.
-    pub(crate) fn plane(&self, pane: Pane) -> Option<&Plane> {
-        pane.number().checked_sub(1).and_then(|number| self.planes.get(number))
-    }
-
-    /// The voxel of the cut axis that a slice shows.
-    pub(crate) fn slice(&self, plane: &Plane, dims: [usize; 3]) -> usize {
-        (self.cross[plane.cut()].round().max(0.0) as usize).min(dims[plane.cut()] - 1)
-    }
-
-    /// A slice, in grey, with a pixel for every voxel.
-    pub(crate) fn draw_slice(&self, plane: &Plane, volume: &Volume, window: Window) -> Result<Image, Error> {
-        let grid = volume.grid();
-        let pixel = |voxel| {
-            let grey = window.grey(volume.value(VoxelIndex(voxel)));
-            [grey, grey, grey, 255]
-        };
-        Ok(plane.slice(grid.dims(), self.slice(plane, grid.dims()), pixel)?)
     }
 
     /// Turns the camera by a drag across so much of the pane: half of it is a quarter turn.

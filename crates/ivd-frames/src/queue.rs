@@ -20,6 +20,8 @@ pub(crate) struct Queue {
 #[derive(Debug, Default)]
 struct Waiting {
     requests: VecDeque<(Client, Request)>,
+    /// There is something to look at beside the queue.
+    woken: bool,
     ends: bool,
 }
 
@@ -27,6 +29,8 @@ struct Waiting {
 #[derive(Debug)]
 pub(crate) enum Next {
     Request(Client, Request),
+    /// There is something to look at beside the queue.
+    Woken,
     /// Nothing for as long as was waited.
     Nothing,
     /// The service ends.
@@ -62,6 +66,12 @@ impl Queue {
         self.locked().requests.retain(|(who, _)| *who != client);
     }
 
+    /// Wakes whoever waits.
+    pub(crate) fn wake(&self) {
+        self.locked().woken = true;
+        self.changed.notify_one();
+    }
+
     pub(crate) fn end(&self) {
         self.locked().ends = true;
         self.changed.notify_one();
@@ -80,6 +90,9 @@ impl Queue {
         loop {
             if waiting.ends {
                 return Next::End;
+            }
+            if std::mem::take(&mut waiting.woken) {
+                return Next::Woken;
             }
             if let Some((client, request)) = waiting.requests.pop_front() {
                 return Next::Request(client, request);

@@ -1,5 +1,6 @@
 //! What a person does in a window, as values: nothing in it names a file, and what it costs is bounded before anything is computed.
 
+use ivd_render::Colour;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -10,6 +11,9 @@ const SIDES: [usize; 2] = [32, 2048];
 pub(crate) const MOST_HANDLES: usize = 64;
 /// No length, force or place is further from 0 (mm, mN).
 const FARTHEST: f64 = 1e6;
+
+/// Letters of a step's name.
+const LONGEST_NAME: usize = 40;
 
 /// A part of the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -120,6 +124,20 @@ pub enum Request {
     },
     /// The transfer function and the window as they were at first.
     ResetColours,
+    /// Lets a class of the transfer function look otherwise; what isn't said is as the transfer function has it.
+    Class {
+        /// Which.
+        class: u16,
+        /// Whether it isn't drawn.
+        #[serde(default)]
+        hidden: bool,
+        /// Opacity over the transfer function's reference length, 0…1.
+        #[serde(default)]
+        opacity: Option<f64>,
+        /// Colour, `#rrggbb`.
+        #[serde(default)]
+        colour: Option<String>,
+    },
     /// Goes through slices.
     Slice {
         /// In which pane.
@@ -162,6 +180,11 @@ pub enum Request {
         /// Keeps to an axis.
         #[serde(default)]
         lock: Option<Axis>,
+    },
+    /// Begins to turn a slider: what follows until it is let go of, by a drop, is one step.
+    Adjust {
+        /// What the step is called.
+        name: String,
     },
     /// Lets go of what is held: one step, to be undone at once.
     Drop,
@@ -290,6 +313,17 @@ impl Request {
             Self::Wheel { steps } | Self::Slice { steps, .. } if steps.unsigned_abs() > 10_000 => {
                 wrong("steps", steps.to_string(), "use up to 10,000")
             }
+            Self::Adjust { name } if name.chars().count() > LONGEST_NAME => {
+                wrong("adjust", "a long name".to_owned(), "use up to 40 letters")
+            }
+            Self::Class { opacity: Some(opacity), .. } if !(0.0..=1.0).contains(opacity) => {
+                wrong("opacity", opacity.to_string(), "use 0 to 1")
+            }
+            Self::Class { colour: Some(colour), .. } if Colour(colour.clone()).linear().is_none() => wrong(
+                "colour",
+                "it isn't one".to_owned(),
+                "give # and six hexadecimal digits, such as #ff8800",
+            ),
             Self::Stiffness { stiffness } => lengths("stiffness", &[*stiffness]),
             _ => Ok(()),
         }
@@ -305,6 +339,10 @@ impl Request {
                 by.iter_mut().zip(more).for_each(|(by, more)| *by += more);
                 true
             }
+            (Self::Class { class, .. }, Self::Class { class: same, .. }) if class == same => {
+                self.clone_from(next);
+                true
+            }
             (Self::Cross { pane, .. }, Self::Cross { pane: same, .. }) if pane == same => {
                 self.clone_from(next);
                 true
@@ -313,7 +351,21 @@ impl Request {
                 *steps = steps.saturating_add(*more).clamp(-10_000, 10_000);
                 true
             }
-            (Self::Hover { .. }, Self::Hover { .. })
+            (Self::Move { handle, .. }, Self::Move { handle: same, .. })
+            | (Self::Pull { handle, .. }, Self::Pull { handle: same, .. })
+                if handle == same =>
+            {
+                self.clone_from(next);
+                true
+            }
+            (Self::Radius { handle, .. }, Self::Radius { handle: same, .. }) if handle == same => {
+                self.clone_from(next);
+                true
+            }
+            (Self::Stiffness { .. }, Self::Stiffness { .. })
+            | (Self::Level { .. }, Self::Level { .. })
+            | (Self::Map { .. }, Self::Map { .. })
+            | (Self::Hover { .. }, Self::Hover { .. })
             | (Self::Drag { .. }, Self::Drag { .. })
             | (Self::Resize { .. }, Self::Resize { .. }) => {
                 self.clone_from(next);

@@ -3,13 +3,16 @@
 use std::path::Path;
 
 use ivd_core::{Artefact, Exec, Value as _};
+use ivd_pipeline::scene::{Scene, parse};
 use ivd_pipeline::{ExportOptions, export_with};
 
-use crate::{Error, Model, Saved};
+use crate::{Error, Log, Model, Saved};
 
 /// A file to be kept.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct File {
+    /// What it holds.
+    pub what: Saved,
     /// What it may be called.
     pub name: &'static str,
     /// What is in it.
@@ -26,21 +29,18 @@ impl Model {
     /// # Errors
     /// Settings that no scene has, a file that can't be written.
     pub fn save(&self, what: Saved, log: &[String], exec: &Exec) -> Result<File, Error> {
-        let file = |name, bytes| Ok(File { name, bytes });
-        match what {
-            Saved::Scene => file("scene.toml", self.scene_text()?.into_bytes()),
-            Saved::Log => file("session.jsonl", log.join("\n").into_bytes()),
-            Saved::Picture => {
-                let image = self.draw(crate::Pane::Volume, 1, exec)?;
-                file("picture.png", ivd_pipeline::png_bytes(&image)?)
-            }
+        let name = what.name();
+        let bytes = match what {
+            Saved::Scene => self.scene_text()?.into_bytes(),
+            Saved::Log => (log.join("\n") + "\n").into_bytes(),
+            Saved::Picture => ivd_pipeline::png_bytes(&self.draw(crate::Pane::Volume, 1, exec)?)?,
             Saved::Volume => {
                 let volume = self.session().deformed().clone().into_artefact();
-                file("deformed.nii.gz", written("deformed.nii.gz", &volume, ExportOptions::default(), exec)?)
+                written(name, &volume, ExportOptions::default(), exec)?
             }
             Saved::Displacement => {
                 let field = self.session().displacement().clone().into_artefact();
-                file("inverse.nrrd", written("inverse.nrrd", &field, ExportOptions::default(), exec)?)
+                written(name, &field, ExportOptions::default(), exec)?
             }
             Saved::Lattice => {
                 let lattice = self.session().lattice();
@@ -49,24 +49,64 @@ impl Model {
                     Some(motion) => motion.clone().into_artefact(),
                     None => lattice.clone().into_artefact(),
                 };
-                file("lattice.ply", written("lattice.ply", &artefact, options, exec)?)
+                written(name, &artefact, options, exec)?
             }
-        }
+        };
+        Ok(File { what, name, bytes })
+    }
+
+    /// The first line of the log: the scene that it began with.
+    pub(crate) fn log_head(&self) -> Result<String, Error> {
+        let subject = self.subject();
+        Ok(Log::head(&told(subject.scene_of(&subject.settings)?)?))
     }
 
     /// The scene that `ivd pipeline` makes the same of as is shown.
     fn scene_text(&self) -> Result<String, Error> {
         let mut scene = self.subject().scene_of(self.session().settings())?;
-        let mut head = String::from("# Made by hand in a window.");
-        if let Some(file) = &scene.input.file {
-            let ending = ivd_pipeline::ending(file);
-            // A folder's name may end in anything.
-            let name = if ENDINGS.contains(&&*ending) { format!("scan.{ending}") } else { "scan".to_owned() };
-            head += " Where the scan lies is told by --input, or here.";
-            scene.set_input(Path::new(&name));
-        }
+        self.write_looks(&mut scene)?;
         scene.set_output(self.session().displacement().is_identity());
-        Ok(format!("{head}\n{}", scene.to_text()?))
+        told(scene)
+    }
+}
+
+/// The text of a scene that leaves the window.
+fn told(mut scene: Scene) -> Result<String, Error> {
+    let mut head = String::from("# Made by hand in a window.");
+    if let Some(file) = &scene.input.file {
+        let ending = ivd_pipeline::ending(file);
+        // A folder's name may end in anything.
+        let name = if ENDINGS.contains(&&*ending) { format!("scan.{ending}") } else { "scan".to_owned() };
+        head += " Where the scan lies is told by --input, or here.";
+        scene.set_input(Path::new(&name));
+    }
+    Ok(format!("{head}\n{}", scene.to_text()?))
+}
+
+impl File {
+    /// The same where it may say where the scan lies: a scene or a log with its path, from the folder that it is written into.
+    ///
+    /// # Errors
+    /// Bytes that aren't those of a scene or a log.
+    pub fn naming(mut self, scan: &Path) -> Result<Self, Error> {
+        let wrong = |problem: String| Error::Io { what: "a file to be kept", problem };
+        let named = |text: &str| {
+            let mut scene = parse(text, &[]).map_err(wrong)?;
+            scene.set_input(scan);
+            Ok::<_, Error>(format!("# Made by hand in a window.\n{}", scene.to_text()?))
+        };
+        let text = || String::from_utf8(self.bytes.clone()).map_err(|error| wrong(error.to_string()));
+        self.bytes = match self.what {
+            Saved::Scene => named(&text()?)?.into_bytes(),
+            Saved::Log => {
+                let text = text()?;
+                let (head, lines) = text.split_once('\n').unwrap_or((&text, ""));
+                let scene = Log::scene_of(head).map_err(wrong)?;
+                format!("{}\n{lines}", Log::head(&named(&scene)?)).into_bytes()
+            }
+            _ => return Ok(self),
+        };
+        Ok(self)
     }
 }
 

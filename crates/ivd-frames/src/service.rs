@@ -3,17 +3,17 @@
 //! Requests that come while it works are merged: of many moves the last counts. A solve runs to its end; what is drawn anew to be finer is given up when
 //! something happens. While things move, the volume's picture is coarser, as much as its time asks for; soon after they stop it is whole.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ivd_core::{Cancel, Classified as _, ErrorClass, Exec, Image};
-use serde_json::{Value as Json, json};
 
+use crate::opening::{Begun, Scan, Slices, Tell, Told};
 use crate::queue::{Next, Queue};
 use crate::save::File;
-use crate::{Error, Model, Pane, Request};
+use crate::{Error, Figures, Model, Pane, Request, Saved};
 
 /// After so long without a request the picture is made whole.
 const SETTLED: Duration = Duration::from_millis(60);
@@ -23,6 +23,8 @@ const SLOW: Duration = Duration::from_millis(40);
 const QUICK: Duration = Duration::from_millis(12);
 /// Requests are followed for so long at most before what has changed is drawn.
 const UNSEEN: Duration = Duration::from_millis(100);
+/// So many requests wait until something is opened.
+const MOST_LATER: usize = 256;
 /// By how much the sides of a picture are divided at most.
 const COARSEST: usize = 4;
 
@@ -44,7 +46,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    fn new(pane: Pane, version: u64, coarser: usize, image: Image) -> Self {
+    pub(crate) fn new(pane: Pane, version: u64, coarser: usize, image: Image) -> Self {
         Self { pane, version, coarser, image, png: OnceLock::new() }
     }
 
@@ -67,8 +69,8 @@ pub struct Frame {
     pub number: u64,
     /// A picture for each of [`Pane::ALL`].
     pub pictures: [Arc<Picture>; 4],
-    /// What is told beside them: [`crate::Figures`], and what drawing took (s).
-    pub figures: Json,
+    /// What is told beside them.
+    pub figures: Figures,
 }
 
 /// What the service gives.
@@ -76,6 +78,10 @@ pub struct Frame {
 pub enum Output {
     /// Something to read while the subject is opened.
     Note(String),
+    /// A stage begins, while the subject is opened.
+    Stage(&'static str),
+    /// The scan that is opened, until there are frames.
+    Scan(Arc<Scan>),
     /// A frame.
     Frame(Arc<Frame>),
     /// A file that was asked for.
@@ -94,12 +100,14 @@ pub struct Service {
 }
 
 impl Service {
-    /// Starts a thread that opens a model and makes frames of it; `publish` is called with all that comes, on that thread.
+    /// Starts a thread that makes frames of a model; `publish` is called with all that comes, on that thread.
+    ///
+    /// - `open`: makes the model, on a thread beside it, and tells what it does meanwhile.
     ///
     /// # Errors
     /// Where the system starts no thread.
-    pub fn start(
-        open: impl FnOnce() -> Result<Model, Error> + Send + 'static,
+    pub fn start<B: Into<Begun>>(
+        open: impl FnOnce(&Tell) -> Result<B, Error> + Send + 'static,
         exec: Exec,
         publish: impl FnMut(Output) + Send + 'static,
     ) -> Result<Self, Error> {
@@ -146,6 +154,17 @@ struct Worker<P> {
     publish: P,
 }
 
+/// What waits until something is opened.
+type Later = Vec<(Client, Request)>;
+
+/// Lets a request wait, with the one before where that does the work of both; of too many the last are let go.
+fn wait(later: &mut Later, client: Client, request: Request) {
+    let merged = later.last_mut().is_some_and(|(who, last)| *who == client && last.merge(&request));
+    if !merged && later.len() < MOST_LATER {
+        later.push((client, request));
+    }
+}
+
 /// What is drawn, and how well.
 struct Drawn {
     pictures: [Arc<Picture>; 4],
@@ -157,7 +176,7 @@ struct Drawn {
 }
 
 impl<P: FnMut(Output)> Worker<P> {
-    fn run(mut self, open: impl FnOnce() -> Result<Model, Error>) {
+    fn run<B: Into<Begun>>(mut self, open: impl FnOnce(&Tell) -> Result<B, Error> + Send) {
         let worked = catch_unwind(AssertUnwindSafe(|| self.work(open)));
         let failed = match worked {
             Ok(Ok(())) => return,
@@ -170,14 +189,29 @@ impl<P: FnMut(Output)> Worker<P> {
         (self.publish)(Output::Failed(Arc::new(failed)));
     }
 
-    fn work(&mut self, open: impl FnOnce() -> Result<Model, Error>) -> Result<(), Error> {
-        let mut model = open()?;
-        let log = Arc::new(Mutex::new(Vec::new()));
+    fn work<B: Into<Begun>>(
+        &mut self,
+        open: impl FnOnce(&Tell) -> Result<B, Error> + Send,
+    ) -> Result<(), Error> {
+        let Some((begun, later)) = self.open(open)? else { return Ok(()) };
+        let Begun { mut model, entries, line: mut next } = begun;
+        let log = Arc::new(Mutex::new(vec![model.log_head()?]));
         let lines = log.clone();
+        if let Some(next) = &mut next {
+            lines.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|line| next(line));
+        }
         model.session_mut().record(move |entry| {
             let line = serde_json::to_string(entry).unwrap_or_default();
+            if let Some(next) = &mut next {
+                next(&line);
+            }
             lines.lock().unwrap_or_else(PoisonError::into_inner).push(line);
         });
+        match model.replay(&entries) {
+            Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
+            Err(error) => (self.publish)(Output::Note(error.to_string())),
+            Ok(()) => {}
+        }
         let picture = |pane: Pane, coarser| {
             let (version, image) = (model.versions()[pane.number()], model.draw(pane, coarser, &self.exec)?);
             Ok::<_, Error>(Arc::new(Picture::new(pane, version, coarser, image)))
@@ -186,9 +220,16 @@ impl<P: FnMut(Output)> Worker<P> {
         let pictures = [picture(volume, 2)?, picture(axial, 1)?, picture(coronal, 1)?, picture(sagittal, 1)?];
         let mut drawn = Drawn { pictures, coarser: 2, settled: false, number: 0 };
         self.publish_frame(&mut model, &mut drawn, Duration::ZERO);
+        if !later.is_empty() {
+            for (client, request) in later {
+                self.follow(client, &request, &mut model, &log)?;
+            }
+            self.draw_stale(&mut model, &mut drawn)?;
+        }
         loop {
             match self.queue.next((!drawn.settled).then_some(SETTLED)) {
                 Next::End => return Ok(()),
+                Next::Woken => {}
                 Next::Nothing => self.refine(&mut model, &mut drawn)?,
                 Next::Request(client, request) => {
                     let start = Instant::now();
@@ -201,6 +242,70 @@ impl<P: FnMut(Output)> Worker<P> {
                     }
                     self.draw_stale(&mut model, &mut drawn)?;
                 }
+            }
+        }
+    }
+
+    /// Opens a model on a thread beside this one, and shows the slices of the scan meanwhile; `None` where the end comes first.
+    fn open<B: Into<Begun>>(
+        &mut self,
+        open: impl FnOnce(&Tell) -> Result<B, Error> + Send,
+    ) -> Result<Option<(Begun, Later)>, Error> {
+        let tell = Tell::through(self.queue.clone());
+        let (mut slices, mut later) = (None::<Slices>, Vec::new());
+        let opened = std::thread::scope(|scope| {
+            let done = tell.done();
+            let opening = || {
+                let _done = done;
+                open(&tell).map(Into::into)
+            };
+            let opener = std::thread::Builder::new().name("opening".to_owned()).spawn_scoped(scope, opening);
+            let opener =
+                opener.map_err(|e| Error::Io { what: "the thread that opens", problem: e.to_string() })?;
+            let ended = self.meanwhile(&tell, &mut slices, &mut later)?;
+            let begun: Result<Begun, Error> = opener.join().unwrap_or_else(|fault| resume_unwind(fault));
+            Ok::<_, Error>(if ended { None } else { Some(begun?) })
+        })?;
+        let Some(mut begun) = opened else { return Ok(None) };
+        if let Some(slices) = slices {
+            begun.model.show_slices(slices.planes.cross, slices.window);
+        }
+        Ok(Some((begun, later)))
+    }
+
+    /// Shows the slices of the scan until it is opened; whether the end came first. What they can't follow waits.
+    fn meanwhile(
+        &mut self,
+        tell: &Tell,
+        slices: &mut Option<Slices>,
+        later: &mut Later,
+    ) -> Result<bool, Error> {
+        let mut shown: Option<Arc<Scan>> = None;
+        loop {
+            match self.queue.next(None) {
+                Next::End => return Ok(true),
+                Next::Woken | Next::Nothing => {}
+                Next::Request(client, request) => match slices {
+                    Some(slices) if Slices::can_follow(&request) => {
+                        if let Err(error) = slices.follow(&request) {
+                            (self.publish)(Output::Problem(client, error.to_string()));
+                        }
+                    }
+                    _ => wait(later, client, request),
+                },
+            }
+            while let Some(told) = tell.next() {
+                match told {
+                    Told::Done => return Ok(false),
+                    Told::Stage(name) => (self.publish)(Output::Stage(name)),
+                    Told::Note(text) => (self.publish)(Output::Note(text)),
+                    Told::Scan(volume) => *slices = Some(Slices::new(volume)),
+                }
+            }
+            if let Some(slices) = slices {
+                let scan = Arc::new(slices.scan(shown.as_deref())?);
+                shown = Some(scan.clone());
+                (self.publish)(Output::Scan(scan));
             }
         }
     }
@@ -218,6 +323,9 @@ impl<P: FnMut(Output)> Worker<P> {
                 let lines = log.lock().unwrap_or_else(PoisonError::into_inner);
                 let file = model.save(*what, &lines, &self.exec);
                 drop(lines);
+                if file.is_ok() && *what == Saved::Scene {
+                    model.keep();
+                }
                 file.map(|file| (self.publish)(Output::File(client, Arc::new(file))))
             }
             request => model.follow(request),
@@ -304,8 +412,7 @@ impl<P: FnMut(Output)> Worker<P> {
 
     fn publish_frame(&mut self, model: &mut Model, drawn: &mut Drawn, took: Duration) {
         drawn.number += 1;
-        let mut figures = json!(model.figures());
-        figures["draw_s"] = json!(took.as_secs_f64());
+        let figures = Figures { draw_s: took.as_secs_f64(), ..model.figures() };
         let frame = Frame { number: drawn.number, pictures: drawn.pictures.clone(), figures };
         (self.publish)(Output::Frame(Arc::new(frame)));
     }

@@ -18,7 +18,7 @@ use ivd_render::{
 use ivd_session::{MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
 
-use crate::Error;
+use crate::{Error, Tell};
 
 /// Vertices above which a bare scan is deformed at a coarser level.
 const MANY_VERTICES: usize = 40_000;
@@ -36,7 +36,9 @@ pub struct Subject {
     pub lattice: Lattice,
     /// Classes, where something was found by them.
     pub labels: Option<Labels>,
-    /// Colour and opacity.
+    /// How the scene wants classes drawn; `None` where its pictures aren't made by them.
+    pub looks: Option<ivd_render::ClassLooks>,
+    /// Colour and opacity, without those.
     pub transfer: Option<TransferFunction>,
     /// How pictures are drawn.
     pub picture: RenderParams,
@@ -68,7 +70,7 @@ impl Subject {
     /// Does what a session needs of a scene: reads its volume, finds colours, cuts the lattice.
     ///
     /// - `is_bare`: whether the scene is that of a bare scan, whose level is chosen here.
-    /// - `begin`: is told the stages, each as it begins.
+    /// - `tell`: is told the stages, each as it begins, and the scan as soon as it is read.
     ///
     /// # Errors
     /// A scene with parts that a session has not; those of the stages.
@@ -77,7 +79,7 @@ impl Subject {
         is_bare: bool,
         cache: &Cache,
         exec: &Exec,
-        begin: &dyn Fn(&'static str),
+        tell: &Tell,
     ) -> Result<Self, Error> {
         check(&loaded.scene)?;
         let (mode, picture, looks) = drawn(&loaded.scene)?;
@@ -101,10 +103,15 @@ impl Subject {
         let runner = Runner { exec, cache, lazy: false };
         let mut done: BTreeMap<NodeId, StageResult> = BTreeMap::new();
         for node in plan.nodes().iter().filter(|n| n.needed && n.id.stage != ivd_render::STAGE.name) {
-            begin(node.id.stage);
+            tell.stage(node.id.stage);
             let result = run_node(node, &done, runner, &PipelineOptions::default())?;
             if let Some(remark) = &result.record.remark {
                 exec.observer().note(&format!("{}: {remark}", node.id.stage));
+            }
+            if node.id == NodeId::IMPORT
+                && let Some(volume) = Volume::of(&result.artefact)
+            {
+                tell.scan(volume);
             }
             done.insert(node.id, result);
         }
@@ -121,10 +128,6 @@ impl Subject {
         }
         let (lattice, labels, transfer) = found;
         let lattice = lattice.ok_or_else(|| missing("a lattice"))?;
-        let transfer = match (transfer, looks) {
-            (Some(transfer), Some(looks)) if !looks.is_empty() => Some(looks.of(&transfer)?),
-            (transfer, _) => transfer,
-        };
         let mut scene = loaded.scene.clone();
         let mut said = Vec::new();
         let vertices = lattice.keys().len();
@@ -140,6 +143,7 @@ impl Subject {
             volume,
             lattice,
             labels,
+            looks,
             transfer,
             // One picture at a time, and nothing kept beside it.
             picture: RenderParams { mode, turntable: 1, keep_light: false, ..picture },

@@ -94,6 +94,9 @@ impl Hub {
     pub(crate) fn take(&self, output: Output) {
         match output {
             Output::Note(text) => self.note(text),
+            Output::Stage(name) => self.note(format!("{name} …")),
+            // The page begins with the first frame.
+            Output::Scan(_) => {}
             Output::Frame(frame) => {
                 // Made here once, and not by each connection.
                 frame.pictures.iter().for_each(|picture| _ = picture.png());

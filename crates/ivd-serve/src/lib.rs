@@ -23,4 +23,4 @@ mod token;
 mod wheel;
 
 pub use error::Error;
-pub use server::{Links, Options, Place, Tell, serve};
+pub use server::{Links, Options, Place, serve};

@@ -12,7 +12,7 @@ use axum::response::{IntoResponse as _, Response};
 use axum::routing::get;
 use axum::serve::ListenerExt as _;
 use ivd_core::Exec;
-use ivd_frames::{Model, Output, Service};
+use ivd_frames::{Begun, Service, Tell};
 
 use crate::guard::{guarded, is_own};
 use crate::hub::Hub;
@@ -39,9 +39,6 @@ pub struct Options {
     pub place: Place,
 }
 
-/// Tells everybody something to read.
-pub type Tell = dyn Fn(String) + Send + Sync;
-
 /// What to open in a browser.
 #[derive(Debug, Clone)]
 pub struct Links {
@@ -58,8 +55,8 @@ pub struct Links {
 ///
 /// # Errors
 /// A place that can't be listened at; what opening or drawing runs into; interruption ([`ivd_core::Error::Cancelled`]).
-pub fn serve(
-    open: impl FnOnce(Arc<Tell>) -> Result<Model, ivd_frames::Error> + Send + 'static,
+pub fn serve<B: Into<Begun>>(
+    open: impl FnOnce(&Tell) -> Result<B, ivd_frames::Error> + Send + 'static,
     exec: &Exec,
     options: &Options,
     ready: impl FnOnce(&Links),
@@ -71,12 +68,8 @@ pub fn serve(
         let listener = Listener::bind(&options.place).await?;
         let address = listener.address.clone();
         let links = hub.links(&address);
-        let (notes, outputs) = (hub.clone(), hub.clone());
-        let service = Service::start(
-            move || open(Arc::new(move |text| notes.take(Output::Note(text)))),
-            exec.clone(),
-            move |output| outputs.take(output),
-        );
+        let outputs = hub.clone();
+        let service = Service::start(open, exec.clone(), move |output| outputs.take(output));
         hub.set_service(Some(service.map_err(|error| Error::Frames(Arc::new(error)))?));
         ready(&links);
         let ended = tokio::select! {

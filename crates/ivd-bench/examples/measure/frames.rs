@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use cpu_time::ProcessTime;
 use ivd_artefact::Cache;
 use ivd_core::Exec;
-use ivd_frames::{Frame, Model, Output, Pane, Request, Service, Subject, bare_scene};
+use ivd_frames::{Frame, Model, Output, Pane, Request, Service, Subject, Tell, bare_scene};
 use ivd_pipeline::scene;
 
 use crate::anything::Anything;
@@ -29,31 +29,30 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
     let loaded = if is_scene { scene::load(path, &overrides?)? } else { bare_scene(path, &overrides?)? };
     let exec = Exec::default();
     let start = Instant::now();
-    let subject = Subject::open(&loaded, !is_scene, &Cache::disabled(), &exec, &|_| ())?;
+    let subject = Subject::open(&loaded, !is_scene, &Cache::disabled(), &exec, &Tell::default())?;
     let opened = start.elapsed();
     let spacing = subject.volume.grid().spacing();
     let radius = 25.0 * spacing.iter().product::<f64>().cbrt();
     let (sender, outputs) = channel();
     let model = Model::new(subject, PANE, exec.clone())?;
-    let service = Service::start(move || Ok(model), exec, move |output| _ = sender.send(output))?;
+    let service = Service::start(move |_| Ok(model), exec, move |output| _ = sender.send(output))?;
     let first = next(&outputs, |_| true)?;
     println!(
         "opened in {:.2} s, the first picture after {:.2} s; {} vertices at level {}",
         opened.as_secs_f64(),
         start.elapsed().as_secs_f64(),
-        first.figures["vertices"],
-        first.figures["level"]
+        first.figures.vertices,
+        first.figures.level
     );
-    for one in first.figures["handles"].as_array().into_iter().flatten() {
-        let handle = one["id"].as_u64().unwrap_or(0) as u32;
-        service.ask(1, Request::Remove { handle });
+    for one in &first.figures.handles {
+        service.ask(1, Request::Remove { handle: one.id });
     }
     service.ask(1, Request::Radius { handle: None, radius });
-    let width = first.figures["width_mm"].as_f64().unwrap_or(1.0);
+    let width = first.figures.width_mm;
     let at = middle(&service, &outputs)?;
     let start = Instant::now();
     service.ask(1, Request::Grab { pane: Pane::Volume, at });
-    next(&outputs, |frame| !frame.figures["held"].is_null())?;
+    next(&outputs, |frame| frame.figures.held.is_some())?;
     println!("placing the handle: {:.0} ms", 1e3 * start.elapsed().as_secs_f64());
 
     let (mut times, mut coarse, mut refused, mut is_whole) = (Vec::new(), [0; 5], 0, false);
@@ -70,11 +69,11 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
         is_whole = frame.pictures[0].coarser == 1;
         times.push(1e3 * start.elapsed().as_secs_f64());
         coarse[frame.pictures[0].coarser.min(4)] += 1;
-        refused += usize::from(!frame.figures["refused"].is_null());
-        for (sum, a) in parts.iter_mut().zip(frame.figures["times"].as_array().into_iter().flatten()) {
-            *sum += 1e3 * a.as_f64().unwrap_or(0.0) / count as f64;
+        refused += usize::from(frame.figures.refused.is_some());
+        let [solve, map, warp] = frame.figures.times;
+        for (sum, took) in parts.iter_mut().zip([solve, map, warp, frame.figures.draw_s]) {
+            *sum += 1e3 * took / count as f64;
         }
-        parts[3] += 1e3 * frame.figures["draw_s"].as_f64().unwrap_or(0.0) / count as f64;
     }
     let processor = 1e3 * busy.elapsed().as_secs_f64() / count as f64;
     let start = Instant::now();
@@ -117,9 +116,9 @@ fn middle(service: &Service, outputs: &Receiver<Output>) -> Anything<[f64; 2]> {
         let at = [0.5 + out * turn.cos(), 0.5 + out * turn.sin()];
         service.ask(1, Request::Hover { pane: Pane::Volume, at });
         let frame = next(outputs, |_| true)?;
-        let found = &frame.figures["hovered"];
+        let found = frame.figures.hovered.as_ref().and_then(|hovered| hovered.away_mm);
         // Near the surface that is seen: a lattice of something within is none to pull the picture by.
-        if found["away_mm"].as_f64().is_some_and(|away| away < 4.0) {
+        if found.is_some_and(|away| away < 4.0) {
             return Ok(at);
         }
     }

@@ -3,25 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use ivd_budget::{Budget, BudgetedReport};
-use ivd_pipeline::scene::{self, Loaded, Override};
+use ivd_core::Classified as _;
+use ivd_pipeline::scene::{self, Loaded};
 use ivd_pipeline::{Before, PipelineOptions, default_out};
 
 use crate::args::Pipeline;
 use crate::context::Context;
 use crate::exit::{Failure, Unfinished};
 
-/// The scene of the demo: a generated head, its nose pressed in.
-const DEMO: &str = include_str!("../../../../fixtures/scenes/bust.toml");
-
-/// The scene of the demo, with overrides.
-pub(super) fn demo_scene(overrides: &[Override]) -> anyhow::Result<Loaded> {
-    let scene = scene::parse(DEMO, overrides).map_err(Failure::usage)?;
-    Ok(Loaded { scene, folder: ".".into(), file: "demo.toml".into() })
-}
-
 /// `ivd demo`.
 pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
-    let loaded = demo_scene(&[])?;
+    let loaded = ivd_frames::demo_scene(&[]);
+    let loaded = loaded.map_err(|error| Failure::of(error.error_class(), error.to_string()))?;
     let options = PipelineOptions { out: out.to_owned(), ..PipelineOptions::default() };
     let before = Before::look(Some(&loaded.scene), out);
     let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)

@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::{Drag, Model, nothing_there};
 use crate::figures::{Hovered, Spot};
 use crate::panes::Across;
+use crate::planes::value_at;
 use crate::request::MOST_HANDLES;
 use crate::{Axis, Error, Pane};
 
@@ -53,14 +54,11 @@ impl Model {
         let vertex = found.ok().and_then(|picks| picks.first().map(|pick| (pick.at, pick.away())));
         let volume = self.session.deformed();
         let grid = volume.grid();
-        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
-        let value =
-            grid.nearest_voxel(voxel).map(|voxel| volume.value(voxel)).filter(|value| value.is_finite());
         Ok(Some(Hovered {
             pane,
             place,
             rest,
-            value,
+            value: value_at(volume, place),
             handle: self.handle_at(pane, at)?,
             vertex: vertex.map(|(at, _)| at),
             away_mm: vertex.map(|(_, away)| away),

@@ -1,15 +1,16 @@
 //! A session with what a window shows of it: requests change it, and it says which panes that touches.
 
 mod hand;
+mod looks;
 mod told;
 
 use std::time::{Duration, Instant};
 
-use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, Image, TransferFunction, VoxelCoord, World};
+use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, Image, TransferFunction};
 use ivd_map::{BiharmonicParams, OctreeParams};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin, find_picks};
 use ivd_render::Lens;
-use ivd_session::{Event, Id, MapChoice, Session, Update};
+use ivd_session::{Entry, Event, Id, MapChoice, Session, Settings, Update};
 use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
@@ -29,6 +30,9 @@ pub struct Model {
     lens: Lens,
     transfer: Option<TransferFunction>,
     turned: Turned,
+    looks: looks::Looks,
+    /// What was kept last: settings, and how classes look.
+    kept: (Settings, looks::Looks),
     window: Window,
     first_window: Window,
     /// Of the next handle (mm).
@@ -61,7 +65,11 @@ impl Model {
     /// # Errors
     /// Those of [`Session::new`], and of pictures.
     pub fn new(subject: Subject, size: [usize; 2], exec: Exec) -> Result<Self, Error> {
-        let (volume, transfer) = (&subject.volume, subject.transfer.clone());
+        let volume = &subject.volume;
+        let looks = subject.looks.as_ref().map(looks::of_scene).unwrap_or_default();
+        let transfer = subject.transfer.as_ref();
+        let transfer =
+            transfer.map(|transfer| looks::coloured(transfer, &looks, Turned::NONE)).transpose()?;
         volume.find_bricks(&exec)?;
         let panes = Panes::new(volume, transfer.as_ref(), &subject.picture, size, &exec)?;
         let lens = panes.lens(volume.grid())?;
@@ -78,6 +86,8 @@ impl Model {
         session.deformed().find_bricks(&exec)?;
         let largest = session.settings().handles.iter().map(|one| one.radius).fold(0.0, f64::max);
         let mut model = Self {
+            kept: (session.settings().clone(), looks.clone()),
+            looks,
             session,
             panes,
             lens,
@@ -112,6 +122,45 @@ impl Model {
     /// What it began with.
     pub fn subject(&self) -> &Subject {
         &self.subject
+    }
+
+    /// What is shown is kept: until something changes nothing would be lost.
+    pub(crate) fn keep(&mut self) {
+        self.kept = (self.session.settings().clone(), self.looks.clone());
+    }
+
+    /// Whether something would be lost.
+    pub(crate) fn is_unsaved(&self) -> bool {
+        (self.session.settings(), &self.looks) != (&self.kept.0, &self.kept.1)
+    }
+
+    /// Shows the slices that were shown before there was a model.
+    pub(crate) fn show_slices(&mut self, cross: [f64; 3], window: Window) {
+        (self.panes.planes.cross, self.window) = (cross, window);
+        self.touch(&Pane::ALL[1..]);
+    }
+
+    /// Does again what a log says.
+    ///
+    /// # Errors
+    /// Says which line couldn't be followed; those before are done.
+    pub fn replay(&mut self, entries: &[Entry]) -> Result<(), Error> {
+        let done = entries.iter().enumerate().try_for_each(|(done, entry)| {
+            self.session.replay(entry.clone(), &self.exec).map_err(|error| (done, error))
+        });
+        self.touch(&Pane::ALL);
+        self.find_spots()?;
+        match done {
+            Err((_, error)) if error.error_class() == ErrorClass::Cancelled => Err(error.into()),
+            Err((done, error)) => Err(Error::Io {
+                what: "the log",
+                problem: format!(
+                    "{done} of {} steps were done again; the next can't be: {error}",
+                    entries.len()
+                ),
+            }),
+            Ok(()) => Ok(()),
+        }
     }
 
     /// Rise with every change of what a pane shows.
@@ -157,37 +206,20 @@ impl Model {
                 self.touch(&Pane::ALL[1..]);
                 Ok(())
             }
-            Request::Transfer { by } => {
-                self.turn(self.turned.dragged(*by));
-                Ok(())
-            }
-            Request::ResetColours => {
-                self.window = self.first_window;
-                self.turn(Turned::NONE);
-                self.touch(&Pane::ALL[1..]);
-                Ok(())
+            Request::Transfer { by } => self.turn(self.turned.dragged(*by)),
+            Request::ResetColours => self.reset_colours(),
+            Request::Class { class, hidden, opacity, colour } => {
+                self.look_otherwise(*class, *hidden, *opacity, colour.as_deref())
             }
             Request::Slice { pane, steps } => {
-                let plane = *self.panes.plane(*pane).ok_or_else(|| no_slice("slice"))?;
-                let last = (grid.dims()[plane.cut()] - 1) as f64;
-                let place = self.panes.cross[plane.cut()].round() + f64::from(*steps);
-                self.panes.cross[plane.cut()] = place.clamp(0.0, last);
+                self.panes.planes.step(*pane, *steps, grid.dims())?;
                 self.touch(&[*pane]);
                 self.moved_cross();
                 Ok(())
             }
             Request::Cross { pane, at } => {
                 if let Some(place) = self.look(*pane, *at)? {
-                    let VoxelCoord(voxel) = grid.voxel(World(place.into()));
-                    let before = self.slices();
-                    let last = grid.dims().map(|n| (n - 1) as f64);
-                    self.panes.cross = std::array::from_fn(|a| voxel[a].clamp(0.0, last[a]));
-                    let moved: Vec<Pane> = before
-                        .iter()
-                        .zip(self.slices())
-                        .filter(|(a, b)| **a != *b)
-                        .map(|(_, b)| b.0)
-                        .collect();
+                    let moved = self.panes.planes.meet(place, &grid);
                     self.touch(&moved);
                     self.moved_cross();
                 }
@@ -204,6 +236,10 @@ impl Model {
             }
             Request::Grab { pane, at } => self.grab(*pane, *at),
             Request::Drag { to, lock } => self.drag(*to, *lock),
+            Request::Adjust { name } => {
+                self.let_go()?;
+                Ok(self.session.begin(name)?)
+            }
             Request::Drop => {
                 self.refused = None;
                 self.let_go()
@@ -331,23 +367,13 @@ impl Model {
 
     /// The slices: their panes, the axis of the grid that each cuts, and where.
     fn slices(&self) -> [(Pane, usize, usize); 3] {
-        let dims = self.session.rest().grid().dims();
-        [Pane::Axial, Pane::Coronal, Pane::Sagittal].map(|pane| match self.panes.plane(pane) {
-            Some(plane) => (pane, plane.cut(), self.panes.slice(plane, dims)),
-            None => (pane, 0, 0),
-        })
+        self.panes.planes.slices(self.session.rest().grid().dims())
     }
 
     fn touch(&mut self, panes: &[Pane]) {
         for pane in panes {
             self.versions[pane.number()] += 1;
         }
-    }
-
-    fn turn(&mut self, turned: Turned) {
-        self.turned = turned;
-        self.transfer = self.subject.transfer.as_ref().map(|transfer| turned.of(transfer));
-        self.touch(&[Pane::Volume]);
     }
 
     fn moved_camera(&mut self) -> Result<(), Error> {
@@ -437,7 +463,7 @@ impl Model {
         let grid = self.session.rest().grid();
         for spot in self.spots.iter_mut().chain(&mut self.pins) {
             spot.at = self.panes.shares(grid, &self.lens, spot.now);
-            spot.off = self.panes.off(grid, spot.now);
+            spot.off = self.panes.planes.off(grid, spot.now);
         }
     }
 
@@ -447,8 +473,8 @@ impl Model {
     /// Those of pictures; cancellation.
     pub fn draw(&self, pane: Pane, coarser: usize, exec: &Exec) -> Result<Image, Error> {
         let volume = self.session.deformed();
-        match self.panes.plane(pane) {
-            Some(plane) => self.panes.draw_slice(plane, volume, self.window),
+        match self.panes.planes.plane(pane) {
+            Some(plane) => self.panes.planes.draw(plane, volume, self.window),
             None => self.panes.draw(volume, self.transfer.as_ref(), coarser, exec),
         }
     }
@@ -492,8 +518,4 @@ fn by_of(handle: &Handle) -> Vector3<f64> {
 
 fn nothing_there(what: &'static str) -> Error {
     Error::Request { what, problem: "nothing is seen there".into(), remedy: "point at what is shown" }
-}
-
-fn no_slice(what: &'static str) -> Error {
-    Error::Request { what, problem: "the volume's pane has no slices".into(), remedy: "name another" }
 }

@@ -4,7 +4,8 @@ use ivd_core::VoxelCoord;
 use ivd_session::{MapChoice, Physics};
 
 use super::Model;
-use crate::figures::{Figures, Slice, letters};
+use crate::figures::{Figures, letters};
+use crate::planes::value_at;
 
 impl Figures {
     /// What there is to tell of a model.
@@ -13,18 +14,7 @@ impl Figures {
         let (settings, volume) = (session.settings(), session.deformed());
         let grid = volume.grid();
         let lettered = grid.in_patient();
-        let cross: [f64; 3] = grid.world(VoxelCoord(panes.cross.into())).0.into();
-        let nearest = grid.nearest_voxel(panes.cross.into());
-        let slices = model.slices().map(|(pane, axis, slice)| {
-            let plane = panes.plane(pane);
-            Slice {
-                pane,
-                letters: plane.filter(|_| lettered).map(|plane| plane.letters),
-                extent_mm: plane.map_or([1.0; 2], |plane| plane.extent(grid)),
-                slice,
-                slices: grid.dims()[axis],
-            }
-        });
+        let cross: [f64; 3] = grid.world(VoxelCoord(panes.planes.cross.into())).0.into();
         let (solver, stiffness) = match &settings.physics {
             Physics::Ring(params) => ("ring", params.stiffness),
             Physics::Springs(params) => ("springs", params.springs.stiffness),
@@ -45,10 +35,12 @@ impl Figures {
             held: model.drag.map(|drag| drag.handle),
             cut: panes.cut,
             cross,
-            cross_value: nearest.map(|voxel| volume.value(voxel)).filter(|value| value.is_finite()),
+            cross_value: value_at(volume, cross),
             cross_at: panes.shares(grid, &model.lens, cross),
             hovered: model.hovered.clone(),
-            slices,
+            slices: panes.planes.told(grid),
+            classes: model.classes(),
+            unsaved: model.is_unsaved(),
             window: [model.window.low, model.window.high],
             undo: session.steps().last().map(|step| step.name.clone()),
             redo: session.undone().map(|step| step.name.clone()),
@@ -62,6 +54,7 @@ impl Figures {
             min_det_j: last.min_det_j,
             behind: last.misfit,
             times: [last.times.solve, last.times.map, last.times.warp],
+            draw_s: 0.0,
             refused: model.refused.clone(),
             said: model.subject.said.clone(),
         }

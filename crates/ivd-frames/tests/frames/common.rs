@@ -1,6 +1,6 @@
 use ivd_artefact::Cache;
 use ivd_core::Exec;
-use ivd_frames::{Model, Subject};
+use ivd_frames::{Model, Subject, Tell};
 use ivd_pipeline::scene::{Loaded, parse};
 
 /// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
@@ -27,7 +27,7 @@ pub(crate) fn loaded(text: &str) -> Loaded {
 
 pub(crate) fn model(text: &str) -> Model {
     let exec = Exec::default();
-    let subject = Subject::open(&loaded(text), false, &Cache::disabled(), &exec, &|_| ()).unwrap();
+    let subject = Subject::open(&loaded(text), false, &Cache::disabled(), &exec, &Tell::default()).unwrap();
     Model::new(subject, [128, 128], exec).unwrap()
 }
 

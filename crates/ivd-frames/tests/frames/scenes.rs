@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ivd_core::Exec;
-use ivd_frames::{Error, Request, Saved, Subject, bare_scene};
+use ivd_frames::{Error, Request, Saved, Subject, Tell, bare_scene};
 use ivd_pipeline::scene;
 
 use super::common::{BALL, loaded, model};
@@ -21,7 +21,7 @@ fn a_scene_goes_into_a_session_and_out_again_without_loss() {
             false,
             &ivd_artefact::Cache::disabled(),
             &Exec::default(),
-            &|_| (),
+            &Tell::default(),
         );
         let subject = match subject {
             Ok(subject) => subject,
@@ -55,7 +55,7 @@ fn classes_are_found_where_matter_goes_by_them() {
     let text = "[segment]\nk = 2\n[deform]\nsolver = \"projective\"\n[deform.material.2]\nstiffness = 20.0\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n";
     let loaded = loaded(&format!("{BALL}{text}"));
     let (cache, exec) = (ivd_artefact::Cache::disabled(), Exec::default());
-    let subject = Subject::open(&loaded, false, &cache, &exec, &|_| ()).unwrap();
+    let subject = Subject::open(&loaded, false, &cache, &exec, &Tell::default()).unwrap();
     assert!(subject.labels.is_some());
     let read = scene::parse(&subject.scene_of(&subject.settings).unwrap().to_text().unwrap(), &[]).unwrap();
     let params = |scene: &scene::Scene| scene.section(&ivd_motion::deform::STAGE).unwrap().job().params();
@@ -88,8 +88,13 @@ fn what_a_session_does_not_have_is_refused_by_name() {
         // Some keys are those of no scene at all: then the scene says so itself.
         let Ok(scene) = scene::parse(&format!("{BALL}{text}"), &[]) else { continue };
         let loaded = scene::Loaded { scene, folder: ".".into(), file: "scene.toml".into() };
-        let opened =
-            Subject::open(&loaded, false, &ivd_artefact::Cache::disabled(), &Exec::default(), &|_| ());
+        let opened = Subject::open(
+            &loaded,
+            false,
+            &ivd_artefact::Cache::disabled(),
+            &Exec::default(),
+            &Tell::default(),
+        );
         let error = opened.err().unwrap();
         assert!(matches!(error, Error::NotInSessions { .. }) && error.to_string().contains(part), "{error}");
     }
@@ -104,7 +109,8 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
     ivd_pipeline::export(&artefact, &file, &Exec::default()).unwrap();
     let loaded = bare_scene(&file, &["lattice.iso=127.5".parse().unwrap()]).unwrap();
     let subject =
-        Subject::open(&loaded, true, &ivd_artefact::Cache::disabled(), &Exec::default(), &|_| ()).unwrap();
+        Subject::open(&loaded, true, &ivd_artefact::Cache::disabled(), &Exec::default(), &Tell::default())
+            .unwrap();
     assert_eq!(&subject.volume, ball.session().rest());
     assert_eq!((subject.settings.level, subject.said.len()), (0, 1));
     assert!(subject.transfer.is_some());
@@ -138,7 +144,9 @@ fn files_to_be_kept_are_what_is_shown() {
             folder: folder.path().to_owned(),
             file: "scene.toml".into(),
         };
-        Subject::open(&folder, false, &ivd_artefact::Cache::disabled(), &exec, &|_| ()).unwrap().volume
+        Subject::open(&folder, false, &ivd_artefact::Cache::disabled(), &exec, &Tell::default())
+            .unwrap()
+            .volume
     };
     assert_eq!(read("deformed.nii.gz").voxels(), model.session().deformed().voxels());
 }

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use ivd_core::Exec;
-use ivd_frames::{Error, Frame, Output, Pane, Request, Saved, Service};
+use ivd_frames::{Error, Frame, Model, Output, Pane, Request, Saved, Service, Tell};
 
 use super::common::{BALL, model};
 
@@ -14,7 +14,7 @@ const LONG: Duration = Duration::from_mins(1);
 fn service() -> (Service, Receiver<Output>) {
     let (sender, receiver) = channel();
     let publish = move |output| _ = sender.send(output);
-    (Service::start(|| Ok(model(BALL)), Exec::default(), publish).unwrap(), receiver)
+    (Service::start(|_| Ok(model(BALL)), Exec::default(), publish).unwrap(), receiver)
 }
 
 /// The next whole frame for which something holds.
@@ -32,10 +32,7 @@ fn frame(outputs: &Receiver<Output>, holds: impl Fn(&Frame) -> bool) -> Arc<Fram
 fn a_drag_in_many_requests_ends_where_the_same_without_a_service_does() {
     let (service, outputs) = service();
     let first = frame(&outputs, |_| true);
-    assert_eq!(
-        (first.pictures[0].image.width(), first.figures["handles"].as_array().unwrap().len()),
-        (128, 0)
-    );
+    assert_eq!((first.pictures[0].image.width(), first.figures.handles.len()), (128, 0));
     let mut alone = model(BALL);
     let mut requests = vec![Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] }];
     requests.extend((1..=60).map(|i| Request::Drag { to: [0.5 + 0.0005 * f64::from(i), 0.49], lock: None }));
@@ -44,8 +41,8 @@ fn a_drag_in_many_requests_ends_where_the_same_without_a_service_does() {
         alone.follow(&request).unwrap();
         assert!(service.ask(1, request));
     }
-    let last = frame(&outputs, |frame| frame.figures["held"].is_null() && !frame.figures["undo"].is_null());
-    assert_eq!(last.figures["handles"], serde_json::to_value(alone.figures()).unwrap()["handles"]);
+    let last = frame(&outputs, |frame| frame.figures.held.is_none() && frame.figures.undo.is_some());
+    assert_eq!(last.figures.handles, alone.figures().handles);
     assert_eq!(last.pictures[0].image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
     assert!(last.number < 63, "requests that come meanwhile are merged");
     assert!(last.pictures[0].png().unwrap().starts_with(b"\x89PNG"));
@@ -76,19 +73,19 @@ fn merged_requests_do_what_they_do_one_by_one() {
     for by in [[0.1, 0.0], [f64::NAN, 0.0], [0.15, 0.1]] {
         service.ask(1, Request::Orbit { by });
     }
-    let turned = frame(&outputs, |frame| frame.figures["angles"] != serde_json::json!([0.0, 0.0]));
-    let turned = if turned.figures["angles"] == serde_json::json!([315.0, 18.0]) {
+    let turned = frame(&outputs, |frame| frame.figures.angles != [0.0, 0.0]);
+    let turned = if turned.figures.angles == [315.0, 18.0] {
         turned
     } else {
-        frame(&outputs, |frame| frame.figures["angles"] == serde_json::json!([315.0, 18.0]))
+        frame(&outputs, |frame| frame.figures.angles == [315.0, 18.0])
     };
-    assert_eq!(turned.figures["size"], serde_json::json!([128, 128]));
+    assert_eq!(turned.figures.size, [128, 128]);
 }
 
 #[test]
 fn what_cannot_be_opened_says_so_and_ends() {
     let (sender, outputs) = channel();
-    let open = || Err(Error::NotInSessions { part: "[space]".into() });
+    let open = |_: &Tell| Err::<Model, _>(Error::NotInSessions { part: "[space]".into() });
     let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
     assert!(
         matches!(outputs.recv_timeout(LONG).unwrap(), Output::Failed(why) if why.to_string().contains("[space]"))

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ivd_artefact::Cache;
 use ivd_core::Exec;
-use ivd_frames::{Model, Subject};
+use ivd_frames::{Model, Subject, Tell};
 use ivd_pipeline::scene::{Loaded, parse};
 use ivd_serve::{Error, Links, Options, Place, serve};
 use serde_json::{Value as Json, json};
@@ -45,9 +45,9 @@ impl Server {
         let thread = std::thread::spawn(move || {
             let scene = parse(BALL, &[]).unwrap();
             let loaded = Loaded { scene, folder: ".".into(), file: "scene.toml".into() };
-            let open = move |_| {
+            let open = move |tell: &Tell| {
                 let exec = Exec::default();
-                let subject = Subject::open(&loaded, false, &Cache::disabled(), &exec, &|_| ())?;
+                let subject = Subject::open(&loaded, false, &Cache::disabled(), &exec, tell)?;
                 Model::new(subject, [96, 96], exec)
             };
             serve(open, &its, &Options { place }, |links| sender.send(links.clone()).unwrap())

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use ivd_core::{Classified as _, ErrorClass};
+use ivd_frames::{Error, Model, Tell};
 use ivd_serve::Place;
 use serde_json::json;
 
@@ -116,7 +117,7 @@ fn a_socket_in_the_file_system_is_its_owners() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left");
     // What is there is nobody's to replace.
     std::fs::write(&path, "mine").unwrap();
-    let open = |_| panic!("nobody listens");
+    let open = |_: &Tell| -> Result<Model, Error> { panic!("nobody listens") };
     let options = ivd_serve::Options { place: Place::Socket(path.clone()) };
     let error = ivd_serve::serve(open, &ivd_core::Exec::default(), &options, |_| ()).unwrap_err();
     assert!(error.to_string().contains("ivd.sock") && error.error_class() == ErrorClass::Io, "{error}");

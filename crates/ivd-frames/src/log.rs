@@ -1,0 +1,118 @@
+//! A log as a file of lines: first the scene that it began with, then what was done, a line each.
+
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use ivd_session::Entry;
+use serde::{Deserialize, Serialize};
+
+use crate::Error;
+
+/// No log is longer (bytes): a line takes some hundreds.
+const LONGEST: u64 = 64 << 20;
+
+/// A log that was kept.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Log {
+    /// The scene that it began with, as TOML.
+    pub scene: String,
+    /// What it is of, where it says so: a scan or a scene.
+    pub of: Option<PathBuf>,
+    /// The scan, where it says so.
+    pub scan: Option<PathBuf>,
+    /// What was done, the first first.
+    pub entries: Vec<Entry>,
+}
+
+/// The first line.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Begins {
+    begins: Scene,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Scene {
+    scene: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    of: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    scan: Option<PathBuf>,
+}
+
+impl Log {
+    /// The first line of a log, without its end.
+    pub fn head(scene: &str) -> String {
+        let begins = Begins { begins: Scene { scene: scene.to_owned(), of: None, scan: None } };
+        serde_json::to_string(&begins).unwrap_or_default()
+    }
+
+    /// A first line that says what the log is of.
+    pub fn told_of(head: &str, of: Option<&Path>, scan: Option<&Path>) -> String {
+        let Ok(Begins { begins: Scene { scene, .. } }) = serde_json::from_str(head) else {
+            return head.to_owned();
+        };
+        let [of, scan] = [of, scan].map(|path| path.map(Path::to_owned));
+        serde_json::to_string(&Begins { begins: Scene { scene, of, scan } }).unwrap_or_default()
+    }
+
+    /// Reads a log. A last line without an end is one that was never written whole, and is left out.
+    ///
+    /// # Errors
+    /// A file that can't be read, or is no log; says which line.
+    pub fn read(file: &Path) -> Result<Self, Error> {
+        let wrong = |problem: String| Error::Io {
+            what: "the log",
+            problem: format!("{}: {problem}", file.display()),
+        };
+        let mut text = String::new();
+        let opened = std::fs::File::open(file).map_err(|error| wrong(error.to_string()))?;
+        let read = opened.take(LONGEST + 1).read_to_string(&mut text);
+        if read.map_err(|error| wrong(error.to_string()))? as u64 > LONGEST {
+            return Err(wrong(format!("longer than {LONGEST} bytes; a log is a short text")));
+        }
+        Self::parse(&text).map_err(wrong)
+    }
+
+    /// The scene that a first line tells.
+    pub(crate) fn scene_of(head: &str) -> Result<String, String> {
+        Ok(begun(head)?.scene)
+    }
+
+    fn parse(text: &str) -> Result<Self, String> {
+        let mut lines = (1..).zip(text.split_inclusive('\n'));
+        let (_, first) = lines.next().ok_or("it is empty")?;
+        let Scene { scene, of, scan } = begun(first)?;
+        let mut entries = Vec::new();
+        for (number, line) in lines {
+            match serde_json::from_str(line) {
+                Ok(entry) => entries.push(entry),
+                Err(_) if !line.ends_with('\n') => {}
+                Err(error) => return Err(format!("line {number}: {error}")),
+            }
+        }
+        Ok(Self { scene, of, scan, entries })
+    }
+}
+
+/// What a first line says.
+fn begun(head: &str) -> Result<Scene, String> {
+    let begins: Result<Begins, _> = serde_json::from_str(head);
+    begins.map(|begins| begins.begins).map_err(|error| {
+        format!("line 1 doesn't say what scene it began with ({error}); take one that `ivd view` or `ivd serve` kept")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_not_written_whole_is_left_out() {
+        let head = Log::head("schema = 1");
+        let log = Log::parse(&format!("{head}\n\"undo\"\n{{\"step\":{{\"na")).unwrap();
+        assert_eq!(log, Log { scene: "schema = 1".into(), of: None, scan: None, entries: vec![Entry::Undo] });
+        assert!(Log::parse(&format!("{head}\nundo\n\"redo\"\n")).unwrap_err().starts_with("line 2: "));
+        assert!(Log::parse("\"undo\"\n").unwrap_err().contains("line 1"));
+    }
+}

@@ -1,0 +1,142 @@
+//! How the volume's picture is coloured: the transfer function with what hands changed of it.
+
+use std::collections::BTreeMap;
+
+use ivd_core::{ClassRole, TransferFunction, srgb};
+use ivd_render::{ClassLooks, Colour, Opacity};
+use serde_json::json;
+
+use super::Model;
+use crate::colours::Turned;
+use crate::figures::Class;
+use crate::{Error, Pane};
+
+/// What is wanted of a class; `None`: as the transfer function has it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Look {
+    hidden: bool,
+    opacity: Option<f64>,
+    colour: Option<String>,
+}
+
+/// The looks of classes, by their numbers.
+pub(super) type Looks = BTreeMap<u16, Look>;
+
+/// As a scene has them.
+pub(super) fn of_scene(looks: &ClassLooks) -> Looks {
+    let mut all = Looks::new();
+    for (class, Opacity(opacity)) in &looks.opacity {
+        all.entry(*class).or_default().opacity = Some(*opacity);
+    }
+    for (class, Colour(colour)) in &looks.colour {
+        all.entry(*class).or_default().colour = Some(colour.clone());
+    }
+    for class in &looks.hide {
+        all.entry(*class).or_default().hidden = true;
+    }
+    all
+}
+
+/// The same for a scene: what is hidden needs no opacity there.
+fn to_scene(looks: &Looks) -> ClassLooks {
+    let mut all = ClassLooks::default();
+    for (&class, look) in looks {
+        if let Some(colour) = &look.colour {
+            all.colour.insert(class, Colour(colour.clone()));
+        }
+        match look.opacity {
+            _ if look.hidden => all.hide.push(class),
+            Some(opacity) => _ = all.opacity.insert(class, Opacity(opacity)),
+            None => {}
+        }
+    }
+    all
+}
+
+/// A transfer function with looks, turned.
+pub(super) fn coloured(
+    transfer: &TransferFunction,
+    looks: &Looks,
+    turned: Turned,
+) -> Result<TransferFunction, Error> {
+    let looks = to_scene(looks);
+    let looking = if looks.is_empty() { transfer.clone() } else { looks.of(transfer)? };
+    Ok(turned.of(&looking))
+}
+
+impl Model {
+    /// The transfer function whose classes can be told apart, where the picture is made by one.
+    fn by_class(&self) -> Option<&TransferFunction> {
+        let by_class = self.subject.looks.is_some();
+        self.subject.transfer.as_ref().filter(|transfer| by_class && transfer.gradient().is_none())
+    }
+
+    /// Shifts and widens the colours.
+    pub(super) fn turn(&mut self, turned: Turned) -> Result<(), Error> {
+        self.recolour(self.looks.clone(), turned)
+    }
+
+    /// Lets a class look otherwise.
+    pub(super) fn look_otherwise(
+        &mut self,
+        class: u16,
+        hidden: bool,
+        opacity: Option<f64>,
+        colour: Option<&str>,
+    ) -> Result<(), Error> {
+        let mut looks = self.looks.clone();
+        looks.insert(class, Look { hidden, opacity, colour: colour.map(str::to_owned) });
+        looks.retain(|_, look| *look != Look::default());
+        self.recolour(looks, self.turned)
+    }
+
+    /// The colours as they were at first.
+    pub(super) fn reset_colours(&mut self) -> Result<(), Error> {
+        self.window = self.first_window;
+        self.touch(&Pane::ALL[1..]);
+        self.recolour(self.first_looks(), Turned::NONE)
+    }
+
+    pub(super) fn first_looks(&self) -> Looks {
+        self.subject.looks.as_ref().map(of_scene).unwrap_or_default()
+    }
+
+    fn recolour(&mut self, looks: Looks, turned: Turned) -> Result<(), Error> {
+        let transfer = self.subject.transfer.as_ref();
+        self.transfer = transfer.map(|transfer| coloured(transfer, &looks, turned)).transpose()?;
+        (self.looks, self.turned) = (looks, turned);
+        self.touch(&[Pane::Volume]);
+        Ok(())
+    }
+
+    /// The classes, as they look.
+    pub(crate) fn classes(&self) -> Vec<Class> {
+        let entries = self.by_class().map(TransferFunction::entries).unwrap_or_default();
+        let seen = entries.iter().filter(|entry| entry.role != ClassRole::Transition && entry.class > 0);
+        let classes = seen.map(|entry| {
+            let look = self.looks.get(&entry.class).cloned().unwrap_or_default();
+            let [red, green, blue] = entry.rgb.map(srgb::byte);
+            Class {
+                id: entry.class,
+                values: [entry.lower, entry.upper],
+                hidden: look.hidden,
+                opacity: look.opacity.unwrap_or(f64::from(entry.opacity)),
+                colour: look.colour.unwrap_or_else(|| format!("#{red:02x}{green:02x}{blue:02x}")),
+            }
+        });
+        classes.collect()
+    }
+
+    /// Writes the looks into a scene.
+    pub(crate) fn write_looks(&self, scene: &mut ivd_pipeline::scene::Scene) -> Result<(), Error> {
+        if self.subject.looks.is_none() {
+            return Ok(());
+        }
+        let ClassLooks { opacity, colour, hide } = to_scene(&self.looks);
+        let opacity = (!opacity.is_empty()).then(|| json!(opacity));
+        let colour = (!colour.is_empty()).then(|| json!(colour));
+        let hide = (!hide.is_empty()).then(|| json!(hide));
+        scene.set(&ivd_render::STAGE, &[("opacity", opacity), ("colour", colour), ("hide", hide)])?;
+        Ok(())
+    }
+}

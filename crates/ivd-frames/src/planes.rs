@@ -1,0 +1,111 @@
+//! Three slices that meet in a voxel.
+
+use ivd_core::{Grid, Image, Volume, VoxelCoord, VoxelIndex, World};
+use ivd_report::{Plane, planes};
+
+use crate::colours::Window;
+use crate::figures::Slice;
+use crate::{Error, Pane};
+
+/// The planes of the slices' panes, and where they meet.
+#[derive(Debug, Clone)]
+pub(crate) struct Planes {
+    planes: [Plane; 3],
+    /// The voxel that they meet in (voxel coordinates).
+    pub(crate) cross: [f64; 3],
+}
+
+impl Planes {
+    /// They meet in the middle.
+    pub(crate) fn new(grid: &Grid) -> Self {
+        Self { planes: planes(grid), cross: grid.dims().map(|n| (n / 2) as f64) }
+    }
+
+    /// The plane of a slice's pane.
+    pub(crate) fn plane(&self, pane: Pane) -> Option<&Plane> {
+        pane.number().checked_sub(1).and_then(|number| self.planes.get(number))
+    }
+
+    /// The voxel of the cut axis that a slice shows.
+    pub(crate) fn slice(&self, plane: &Plane, dims: [usize; 3]) -> usize {
+        (self.cross[plane.cut()].round().max(0.0) as usize).min(dims[plane.cut()] - 1)
+    }
+
+    /// The slices: their panes, the axis of the grid that each cuts, and where.
+    pub(crate) fn slices(&self, dims: [usize; 3]) -> [(Pane, usize, usize); 3] {
+        [0, 1, 2].map(|n| (Pane::ALL[n + 1], self.planes[n].cut(), self.slice(&self.planes[n], dims)))
+    }
+
+    /// Goes through the slices of a pane.
+    pub(crate) fn step(&mut self, pane: Pane, steps: i32, dims: [usize; 3]) -> Result<(), Error> {
+        let plane = *self.plane(pane).ok_or_else(|| Error::Request {
+            what: "slice",
+            problem: "the volume's pane has no slices".into(),
+            remedy: "name another",
+        })?;
+        let last = (dims[plane.cut()] - 1) as f64;
+        let place = self.cross[plane.cut()].round() + f64::from(steps);
+        self.cross[plane.cut()] = place.clamp(0.0, last);
+        Ok(())
+    }
+
+    /// Lets them meet at a place (mm, RAS); gives the panes that show another slice then.
+    pub(crate) fn meet(&mut self, place: [f64; 3], grid: &Grid) -> Vec<Pane> {
+        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+        let before = self.slices(grid.dims());
+        self.cross = std::array::from_fn(|a| voxel[a].clamp(0.0, (grid.dims()[a] - 1) as f64));
+        let after = self.slices(grid.dims());
+        before.iter().zip(after).filter(|(a, b)| **a != *b).map(|(_, b)| b.0).collect()
+    }
+
+    /// The place that a slice shows at a share of its pane (mm, RAS); `None` beside the volume, and in the volume's own pane.
+    pub(crate) fn look(&self, pane: Pane, at: [f64; 2], grid: &Grid) -> Option<[f64; 3]> {
+        let plane = self.plane(pane)?;
+        let voxel = plane.voxel(grid.dims(), self.cross[plane.cut()], at);
+        let inside = (0..3).all(|a| (-0.5..grid.dims()[a] as f64 - 0.5).contains(&voxel[a]));
+        inside.then(|| grid.world(VoxelCoord(voxel.into())).0.into())
+    }
+
+    /// Where a slice's pane shows a place, as shares of it.
+    pub(crate) fn share(&self, pane: Pane, grid: &Grid, place: [f64; 3]) -> Option<[f64; 2]> {
+        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+        self.plane(pane).map(|plane| plane.place(grid.dims(), voxel.into()))
+    }
+
+    /// How many slices a place lies before or behind each slice.
+    pub(crate) fn off(&self, grid: &Grid, place: [f64; 3]) -> [f64; 3] {
+        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+        self.planes.map(|plane| voxel[plane.cut()] - self.slice(&plane, grid.dims()) as f64)
+    }
+
+    /// A slice, in grey, with a pixel for every voxel.
+    pub(crate) fn draw(&self, plane: &Plane, volume: &Volume, window: Window) -> Result<Image, Error> {
+        let grid = volume.grid();
+        let pixel = |voxel| {
+            let grey = window.grey(volume.value(VoxelIndex(voxel)));
+            [grey, grey, grey, 255]
+        };
+        Ok(plane.slice(grid.dims(), self.slice(plane, grid.dims()), pixel)?)
+    }
+
+    /// What is told of the slices.
+    pub(crate) fn told(&self, grid: &Grid) -> [Slice; 3] {
+        [0, 1, 2].map(|n| {
+            let plane = &self.planes[n];
+            Slice {
+                pane: Pane::ALL[n + 1],
+                letters: grid.in_patient().then_some(plane.letters),
+                extent_mm: plane.extent(grid),
+                slice: self.slice(plane, grid.dims()),
+                slices: grid.dims()[plane.cut()],
+            }
+        })
+    }
+}
+
+/// The value of the voxel nearest to a place (mm, RAS); `None` beside the volume, and where it is no number.
+pub(crate) fn value_at(volume: &Volume, place: [f64; 3]) -> Option<f64> {
+    let VoxelCoord(voxel) = volume.grid().voxel(World(place.into()));
+    let nearest = volume.grid().nearest_voxel(voxel);
+    nearest.map(|voxel| volume.value(voxel)).filter(|value| value.is_finite())
+}

@@ -1,0 +1,79 @@
+//! What a window is told to open.
+
+use std::path::{Path, PathBuf};
+
+use ivd_pipeline::scene::{self, Loaded, Override};
+use ivd_session::Entry;
+
+use crate::{Error, Log, bare_scene};
+
+/// The scene of `ivd demo`.
+const DEMO: &str = include_str!("../../../fixtures/scenes/bust.toml");
+
+/// What to open, as it was told.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Source {
+    /// A scan, a scene (.toml) or a log that was kept (.jsonl); `None` for the generated head of `ivd demo`.
+    pub file: Option<PathBuf>,
+    /// A scan in the place of the scene's.
+    pub input: Option<PathBuf>,
+    /// Other values of the scene's keys.
+    pub overrides: Vec<Override>,
+}
+
+/// What was read of it.
+#[derive(Debug, Clone)]
+pub struct Opened {
+    /// The scene.
+    pub loaded: Loaded,
+    /// Whether the scene is that of a bare scan.
+    pub is_bare: bool,
+    /// What was done to it, to be done again.
+    pub entries: Vec<Entry>,
+}
+
+/// The scene of the demo.
+///
+/// # Errors
+/// An override that doesn't fit.
+pub fn demo_scene(overrides: &[Override]) -> Result<Loaded, Error> {
+    in_memory(DEMO, "demo.toml".into(), overrides)
+}
+
+impl Source {
+    /// Reads the scene, not yet what it works on.
+    ///
+    /// # Errors
+    /// A file that can't be read, or isn't what its name says.
+    pub fn read(&self) -> Result<Opened, Error> {
+        let ends =
+            |file: &Path, ending: &str| file.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+        let (mut loaded, is_bare, entries) = match &self.file {
+            None => (demo_scene(&self.overrides)?, false, Vec::new()),
+            Some(file) if ends(file, "toml") => (scene::load(file, &self.overrides)?, false, Vec::new()),
+            Some(file) if ends(file, "jsonl") => {
+                let log = Log::read(file)?;
+                (in_memory(&log.scene, file.clone(), &self.overrides)?, false, log.entries)
+            }
+            Some(file) => (bare_scene(file, &self.overrides)?, true, Vec::new()),
+        };
+        if let Some(input) = &self.input {
+            // From here on it lies where it lies, not beside the scene.
+            let input = std::path::absolute(input).map_err(|error| Error::Io {
+                what: "the scan",
+                problem: format!("{}: {error}", input.display()),
+            })?;
+            loaded.scene.input.file = Some(input);
+            loaded.scene.input.phantom = None;
+        }
+        Ok(Opened { loaded, is_bare, entries })
+    }
+}
+
+/// A scene that lies in no file, or in another's.
+fn in_memory(text: &str, file: PathBuf, overrides: &[Override]) -> Result<Loaded, Error> {
+    let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
+    let scene = scene::parse(text, overrides)
+        .map_err(|problem| ivd_pipeline::Error::Scene { file: file.clone(), problem })?;
+    Ok(Loaded { scene, folder, file })
+}

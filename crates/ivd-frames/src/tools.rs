@@ -1,0 +1,108 @@
+//! The tools, and what hands do with them, for whoever shows a window: one table for all of them.
+
+use crate::{MapName, Saved};
+
+/// What the left button does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tool {
+    /// Turns the volume; in slices it puts the cross hair.
+    Turn,
+    /// Takes hold of a handle.
+    Handle,
+    /// Holds what is there.
+    Pin,
+    /// Brightness, contrast, colours.
+    Brightness,
+}
+
+impl Tool {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Turn, Self::Handle, Self::Pin, Self::Brightness];
+
+    /// Its name.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Turn => "Turn",
+            Self::Handle => "Handle",
+            Self::Pin => "Pin",
+            Self::Brightness => "Brightness",
+        }
+    }
+
+    /// The key that chooses it.
+    pub fn key(self) -> char {
+        match self {
+            Self::Turn => 't',
+            Self::Handle => 'h',
+            Self::Pin => 'p',
+            Self::Brightness => 'b',
+        }
+    }
+}
+
+/// The keys and buttons that every window has: which, and what they do.
+pub const KEYS: [(&str, &str); 11] = [
+    ("Turn", "left: turn the volume, cross hair in slices"),
+    ("middle, or Shift and left", "move the picture"),
+    ("right, or the wheel", "zoom; in slices the wheel goes through them"),
+    (
+        "Handle",
+        "left: take hold and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc gives up",
+    ),
+    ("Pin", "left: hold what is there"),
+    ("Brightness", "left: in slices brightness and contrast, in the volume its colours"),
+    ("T, H, P, B", "tools"),
+    ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+    ("1, 3, 7, 0", "from the front, the left, the top; whole"),
+    (
+        "Cut",
+        "opens the volume where the slices meet; go through slices, or put the cross hair elsewhere, to move it",
+    ),
+    ("arrows", "turn, or go through slices"),
+];
+
+/// What stands in every window: what is seen is no diagnosis.
+pub const NOTICE: &str = "For research, not for diagnosis.";
+
+impl MapName {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Octree, Self::Biharmonic];
+
+    /// How it is called in a window: how the voxels follow.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Octree => "nearest",
+            Self::Biharmonic => "smoothest",
+        }
+    }
+}
+
+impl Saved {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Scene, Self::Volume, Self::Displacement, Self::Lattice, Self::Picture, Self::Log];
+
+    /// How it is called in a window.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Scene => "scene",
+            Self::Volume => "deformed volume",
+            Self::Displacement => "displacement",
+            Self::Lattice => "lattice",
+            Self::Picture => "picture",
+            Self::Log => "log",
+        }
+    }
+
+    /// What its file may be called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scene => "scene.toml",
+            Self::Volume => "deformed.nii.gz",
+            Self::Displacement => "inverse.nrrd",
+            Self::Lattice => "lattice.ply",
+            Self::Picture => "picture.png",
+            Self::Log => "session.jsonl",
+        }
+    }
+}
