@@ -51,7 +51,7 @@ mod provenance;
 mod read;
 mod write;
 
-pub use cache::{Cache, CacheKey, Entry, FileHash, Lookup};
+pub use cache::{Cache, CacheKey, Entry, FileHash, Lookup, user_cache};
 pub use canonical::canonical_json;
 pub use element::Element;
 pub use error::Error;

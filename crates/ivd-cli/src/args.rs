@@ -3,6 +3,7 @@
 mod combine;
 mod output;
 mod serve;
+mod view;
 
 use std::path::PathBuf;
 
@@ -16,6 +17,7 @@ use crate::parse;
 pub(crate) use combine::{ClipArgs, CombineArgs};
 pub(crate) use output::Output;
 pub(crate) use serve::ServeArgs;
+pub(crate) use view::ViewArgs;
 
 /// Interactive deformation of scanned volumes: from a CT, MRI or micro-CT volume to a deformed one.
 ///
@@ -233,6 +235,8 @@ pub(crate) enum Command {
     Bench(Bench),
     /// Shows a scan in a browser on this machine, to be pulled and pressed by hand; prints the links to open.
     Serve(ServeArgs),
+    /// Shows a scan in a window, to be pulled and pressed by hand.
+    View(ViewArgs),
     /// Reports on this machine: threads, memory, SIMD, GPU; what is switched off, and why.
     Doctor,
     /// Prints the JSON Schema of a scene.

@@ -1,10 +1,10 @@
 //! What was typed, made into what it means: threads, memory, cache, observer.
 
 use std::io::{IsTerminal as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use ivd_artefact::{Cache, Loaded};
+use ivd_artefact::{Cache, Loaded, user_cache};
 use ivd_core::{ErrorClass, Exec, shown};
 use ivd_pipeline::{Input, Runner, Stage, StageResult};
 use serde::Serialize;
@@ -145,15 +145,6 @@ impl Context {
         }
         Ok(Input::from(self.exec.run(|| read(path))?))
     }
-}
-
-/// The user's cache folder: `IVD_CACHE`, else the system's usual place.
-pub(crate) fn user_cache() -> Option<PathBuf> {
-    let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
-    folder("IVD_CACHE")
-        .or_else(|| folder("XDG_CACHE_HOME").map(|d| d.join("ivd")))
-        .or_else(|| folder("LOCALAPPDATA").map(|d| d.join("ivd").join("cache")))
-        .or_else(|| folder("HOME").map(|d| d.join(".cache").join("ivd")))
 }
 
 fn logs(global: &Global) {

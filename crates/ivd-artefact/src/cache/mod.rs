@@ -204,3 +204,12 @@ impl Cache {
         Lookup::Unusable(reason)
     }
 }
+
+/// The user's cache folder: `IVD_CACHE`, else the system's usual place.
+pub fn user_cache() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    folder("IVD_CACHE")
+        .or_else(|| folder("XDG_CACHE_HOME").map(|d| d.join("ivd")))
+        .or_else(|| folder("LOCALAPPDATA").map(|d| d.join("ivd").join("cache")))
+        .or_else(|| folder("HOME").map(|d| d.join(".cache").join("ivd")))
+}

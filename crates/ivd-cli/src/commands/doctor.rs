@@ -2,14 +2,14 @@
 
 use serde_json::{Value, json};
 
-use crate::context::{Context, user_cache};
+use crate::context::Context;
 use crate::gpu::{self, Examined};
 
 /// Tells it.
 pub(super) fn run(context: &Context) -> anyhow::Result<()> {
     let simd = simd();
     let memory = total_memory();
-    let cache = user_cache();
+    let cache = ivd_artefact::user_cache();
     let graphics = gpu::examine();
     let off = match &graphics.usable {
         Ok((_, kernels)) => {

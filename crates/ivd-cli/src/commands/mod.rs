@@ -10,6 +10,7 @@ mod export;
 mod info;
 mod pipeline;
 mod serve;
+mod view;
 mod volume;
 
 use crate::args::Command;
@@ -61,6 +62,7 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
         Command::Compare { a, b, labels } => compare::run(&a, &b, labels, context),
         Command::Bench(args) => bench::run(&args, context),
         Command::Serve(args) => serve::run(args, context),
+        Command::View(args) => view::run(args, context),
         Command::Doctor => doctor::run(context),
         Command::Schema => {
             let schema = ivd_pipeline::scene::Scene::json_schema();
