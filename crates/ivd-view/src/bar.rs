@@ -1,0 +1,164 @@
+//! The bar at the top: menus, tools, steps.
+
+use eframe::egui::{Button, Context, KeyboardShortcut, MenuBar, Ui};
+use ivd_frames::{Pane, Request, Saved, Tool};
+use ivd_render::Side;
+
+use crate::dialogs::Dialog;
+use crate::keys;
+use crate::layout::Layout;
+use crate::over::name;
+use crate::window::Window;
+
+/// The sides that one looks from, with their names.
+const SIDES: [(&str, Side); 6] = [
+    ("From the front", Side::Front),
+    ("From the back", Side::Back),
+    ("From the left", Side::Left),
+    ("From the right", Side::Right),
+    ("From the top", Side::Top),
+    ("From the bottom", Side::Bottom),
+];
+
+/// A button of a menu.
+fn item(ui: &mut Ui, is_there: bool, text: &str, keys: Option<&KeyboardShortcut>) -> bool {
+    let button = Button::new(text);
+    let button = match keys {
+        Some(keys) => button.shortcut_text(ui.ctx().format_shortcut(keys)),
+        None => button,
+    };
+    let pressed = ui.add_enabled(is_there, button).clicked();
+    if pressed {
+        ui.close();
+    }
+    pressed
+}
+
+impl Window {
+    /// Shows the bar.
+    pub(crate) fn bar(&mut self, ui: &mut Ui) {
+        MenuBar::new().ui(ui, |ui| {
+            ui.menu_button("File", |ui| self.file_menu(ui));
+            ui.menu_button("Edit", |ui| self.edit_menu(ui));
+            ui.menu_button("View", |ui| self.view_menu(ui));
+            if ui.button("Keys").on_hover_text("What hands and keys do: ?").clicked() {
+                self.dialog = Some(Dialog::Keys);
+            }
+            ui.separator();
+            for tool in Tool::ALL {
+                let key = tool.key().to_uppercase();
+                let chosen = ui.selectable_label(self.tool == tool, tool.word());
+                if chosen.on_hover_text(format!("{} ({key})", doing(tool))).clicked() {
+                    self.tool = tool;
+                }
+            }
+            ui.separator();
+            self.steps(ui);
+        });
+    }
+
+    /// Undo and redo by what they would do.
+    fn steps(&mut self, ui: &mut Ui) {
+        let figures = self.shown.figures();
+        let (undo, redo) = (figures.and_then(|f| f.undo.clone()), figures.and_then(|f| f.redo.clone()));
+        for (word, step, request) in [("Undo", undo, Request::Undo), ("Redo", redo, Request::Redo)] {
+            let button = ui.add_enabled(step.is_some(), Button::new(word));
+            if button
+                .on_hover_text(step.as_ref().map_or_else(String::new, |step| format!("{word}: {step}")))
+                .clicked()
+            {
+                self.ask(request);
+            }
+        }
+    }
+
+    fn file_menu(&mut self, ui: &mut Ui) {
+        let is_shown = self.shown.figures().is_some();
+        if item(ui, true, "Open …", Some(&keys::OPEN)) {
+            self.ask_what_to_open();
+        }
+        if item(ui, true, "Open the demo", None) {
+            self.open(ivd_frames::Source::default(), ui.ctx());
+        }
+        ui.separator();
+        for what in Saved::ALL {
+            let (verb, keys) =
+                if what == Saved::Scene { ("Save", Some(&keys::SAVE)) } else { ("Export", None) };
+            if item(ui, is_shown, &format!("{verb} {} …", what.word()), keys) {
+                self.ask_where_to_keep(what);
+            }
+        }
+        if item(ui, self.work.is_some(), "Screenshot of the window …", None) {
+            self.ask_where_to_keep_the_window();
+        }
+        ui.separator();
+        if item(ui, self.work.is_some(), "Close", None) {
+            self.close(ui.ctx());
+        }
+        if item(ui, true, "Quit", Some(&keys::QUIT)) {
+            self.quit(ui.ctx());
+        }
+    }
+
+    fn edit_menu(&mut self, ui: &mut Ui) {
+        let figures = self.shown.figures();
+        let (undo, redo) = (figures.and_then(|f| f.undo.clone()), figures.and_then(|f| f.redo.clone()));
+        let is_shown = figures.is_some();
+        let named = |word: &str, step: &Option<String>| match step {
+            Some(step) => format!("{word}: {step}"),
+            None => format!("{word}: nothing"),
+        };
+        if item(ui, undo.is_some(), &named("Undo", &undo), Some(&keys::UNDO)) {
+            self.ask(Request::Undo);
+        }
+        if item(ui, redo.is_some(), &named("Redo", &redo), Some(&keys::REDO)) {
+            self.ask(Request::Redo);
+        }
+        if item(ui, is_shown, "Take all handles and pins away", None) {
+            self.ask(Request::Reset);
+        }
+    }
+
+    fn view_menu(&mut self, ui: &mut Ui) {
+        let is_shown = self.shown.figures().is_some();
+        for (words, side) in SIDES {
+            if item(ui, is_shown, words, None) {
+                self.ask(Request::Look { side });
+            }
+        }
+        if item(ui, is_shown, "Whole", None) {
+            self.ask(Request::ResetView);
+        }
+        if item(ui, self.shown.slices().is_some(), "Colours as they were", None) {
+            self.ask(Request::ResetColours);
+        }
+        ui.separator();
+        for pane in Pane::ALL {
+            if item(ui, self.layout.alone != Some(pane), &format!("{} alone", name(pane)), None) {
+                self.layout.alone = Some(pane);
+            }
+        }
+        if item(ui, self.layout.alone.is_some(), "All four pictures", None) {
+            self.layout.alone = None;
+        }
+        let side = if self.layout.side { "Hide the side panel" } else { "Show the side panel" };
+        if item(ui, true, side, None) {
+            self.layout.side = !self.layout.side;
+        }
+        if item(ui, true, "Layout as at first", None) {
+            self.layout =
+                Layout { size: self.layout.size, folder: self.layout.folder.take(), ..Layout::default() };
+        }
+    }
+
+    /// Ends the window, after what would be lost was asked about.
+    pub(crate) fn quit(&mut self, context: &Context) {
+        context.send_viewport_cmd(eframe::egui::ViewportCommand::Close);
+    }
+}
+
+/// What a tool does.
+fn doing(tool: Tool) -> &'static str {
+    let words = ivd_frames::KEYS.iter().find(|(word, _)| *word == tool.word());
+    words.map_or("", |(_, what)| what)
+}

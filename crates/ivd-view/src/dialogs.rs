@@ -1,0 +1,240 @@
+//! Questions that the window asks, each on its own, and what is answered.
+
+use std::path::{Path, PathBuf};
+
+use eframe::egui::{Context, Grid, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
+use ivd_frames::{KEYS, Request, Saved, Source};
+
+use crate::journal::Left;
+use crate::keys::OWN;
+use crate::run::source;
+use crate::window::Window;
+
+/// What is asked.
+pub(crate) enum Dialog {
+    /// What to open.
+    Open { path: String },
+    /// Where to keep something; `None` for a picture of the window.
+    Keep { what: Option<Saved>, path: String, replace: bool },
+    /// What would be lost.
+    Unsaved(Then),
+    /// Whether to go on from a log that was left over.
+    Recover { left: Left, source: Source },
+    /// What hands and keys do.
+    Keys,
+    /// Something went wrong.
+    Problem { title: &'static str, text: String },
+}
+
+/// What is done after a question about what would be lost.
+#[derive(Debug, Clone)]
+pub(crate) enum Then {
+    Quit,
+    Close,
+    Open(Source),
+}
+
+/// What a dialog comes to in a pass.
+enum Answer {
+    /// Not yet.
+    None,
+    /// Away with it.
+    Away,
+    /// What it asks for is done.
+    Do,
+    /// The other thing is done.
+    Other,
+}
+
+impl Window {
+    /// Shows what is asked, if anything is, and does what is answered.
+    pub(crate) fn dialogs(&mut self, context: &Context) {
+        let Some(mut dialog) = self.dialog.take() else { return };
+        let response = Modal::new(Id::unique("dialog")).show(context, |ui| {
+            ui.set_width(ui.ctx().content_rect().width().min(460.0) - 20.0);
+            dialog.show(ui)
+        });
+        let away = response.should_close();
+        match response.inner {
+            Answer::None if !away => self.dialog = self.dialog.take().or(Some(dialog)),
+            Answer::None | Answer::Away => self.waits = None,
+            Answer::Do => self.answered(dialog, context),
+            Answer::Other => self.otherwise(dialog, context),
+        }
+    }
+
+    fn answered(&mut self, dialog: Dialog, context: &Context) {
+        match dialog {
+            Dialog::Open { path } => self.open(source(Path::new(path.trim())), context),
+            Dialog::Keep { what, path, replace } => {
+                self.keep(what, PathBuf::from(path.trim()), replace, context)
+            }
+            Dialog::Unsaved(then) => {
+                self.ask_where_to_keep(Saved::Scene);
+                self.waits = Some(then);
+            }
+            Dialog::Recover { left, .. } => {
+                let (file, input) = (Some(left.path().to_owned()), left.scan.clone());
+                self.begin(&Source { file, input, overrides: Vec::new() }, Some(left), context);
+            }
+            Dialog::Keys | Dialog::Problem { .. } => {}
+        }
+    }
+
+    fn otherwise(&mut self, dialog: Dialog, context: &Context) {
+        match dialog {
+            Dialog::Unsaved(then) => self.then(then, context),
+            Dialog::Recover { left, source } => {
+                left.remove();
+                self.begin(&source, None, context);
+            }
+            _ => {}
+        }
+    }
+
+    /// Does what waited for an answer.
+    pub(crate) fn then(&mut self, then: Then, context: &Context) {
+        if let Some(work) = self.work.take() {
+            work.close();
+        }
+        self.clear();
+        match then {
+            Then::Quit => context.send_viewport_cmd(ViewportCommand::Close),
+            Then::Close => {}
+            Then::Open(source) => self.open(source, context),
+        }
+    }
+
+    /// Asks what to open.
+    pub(crate) fn ask_what_to_open(&mut self) {
+        let folder = self.layout.folder.as_ref().map(|folder| format!("{}/", folder.display()));
+        self.dialog = Some(Dialog::Open { path: folder.unwrap_or_default() });
+    }
+
+    /// Asks where to keep something.
+    pub(crate) fn ask_where_to_keep(&mut self, what: Saved) {
+        self.dialog =
+            Some(Dialog::Keep { what: Some(what), path: self.offered(what.name()), replace: false });
+    }
+
+    /// The same for a picture of the window.
+    pub(crate) fn ask_where_to_keep_the_window(&mut self) {
+        self.dialog = Some(Dialog::Keep { what: None, path: self.offered("window.png"), replace: false });
+    }
+
+    /// Where something is kept unless another place is said: where things were kept last, else beside the scan.
+    fn offered(&self, name: &str) -> String {
+        let scan = self.work.as_ref().and_then(|work| work.scan.as_deref()).and_then(Path::parent);
+        let folder = self.layout.folder.as_deref().or(scan);
+        folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name)).display().to_string()
+    }
+
+    /// Keeps something there; what is there already is asked about once.
+    fn keep(&mut self, what: Option<Saved>, path: PathBuf, replace: bool, context: &Context) {
+        if path.exists() && !replace {
+            let path = path.display().to_string();
+            self.dialog = Some(Dialog::Keep { what, path, replace: true });
+            return;
+        }
+        let Some(work) = &self.work else { return };
+        self.layout.folder = path.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
+        match what {
+            Some(what) => {
+                work.shared.keeping.expect(what, path, work.scan.clone());
+                self.ask(Request::Save { what });
+            }
+            // Taken when the dialog is gone.
+            None => self.photograph = Some((path, context.cumulative_pass_nr() + 2)),
+        }
+    }
+}
+
+impl Dialog {
+    fn show(&mut self, ui: &mut Ui) -> Answer {
+        match self {
+            Self::Open { path } => {
+                ui.heading("Open");
+                ui.label("A scan (NIfTI, NRRD, MetaImage, TIFF, VTI, a folder of slices …), a scene (.toml), a log (.jsonl), or the word demo. A file that is dropped into the window is opened too.");
+                typed(ui, path, "Path", "Open", false)
+            }
+            Self::Keep { what, path, replace } => {
+                ui.heading(format!("Save {}", what.map_or("a picture of the window", Saved::word)));
+                if *replace {
+                    ui.label("A file of this name is there already.");
+                }
+                typed(ui, path, "Path", if *replace { "Replace" } else { "Save" }, *replace)
+            }
+            Self::Unsaved(_) => {
+                ui.heading("What was done here is not saved");
+                ui.label("A scene keeps it: handles, pins, stiffness, level, map, colours.");
+                choice(ui, "Save the scene …", Some("Throw it away"))
+            }
+            Self::Recover { left, .. } => {
+                ui.heading("An earlier window ended without being closed");
+                let steps = ivd_core::counted(left.steps as u64, "step was", "steps were");
+                ui.label(format!("{steps} done in it, and can be done again."));
+                choice(ui, "Go on from there", Some("Begin anew"))
+            }
+            Self::Keys => {
+                ui.heading("What hands and keys do");
+                ScrollArea::vertical().max_height(420.0).show(ui, |ui| {
+                    Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+                        for (keys, what) in KEYS.iter().chain(&OWN) {
+                            ui.strong(*keys);
+                            ui.add(eframe::egui::Label::new(*what).wrap());
+                            ui.end_row();
+                        }
+                    });
+                });
+                choice(ui, "Close the list", None)
+            }
+            Self::Problem { title, text } => {
+                ui.heading(*title);
+                ui.label(text.as_str());
+                choice(ui, "All right", None)
+            }
+        }
+    }
+}
+
+/// A field for a path, with buttons.
+fn typed(ui: &mut Ui, path: &mut String, name: &str, verb: &str, was_asked: bool) -> Answer {
+    let field = ui.add(TextEdit::singleline(path).desired_width(f32::INFINITY)).accessible_name(name);
+    let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+    if !field.has_focus() && !entered && !was_asked && ui.memory(|memory| memory.focused().is_none()) {
+        field.request_focus();
+    }
+    let mut answer = Answer::None;
+    ui.horizontal(|ui| {
+        let is_path = !path.trim().is_empty();
+        if (ui.add_enabled(is_path, eframe::egui::Button::new(verb)).clicked() || entered) && is_path {
+            answer = Answer::Do;
+        }
+        if ui.button("Cancel").clicked() {
+            answer = Answer::Away;
+        }
+    });
+    answer
+}
+
+/// Buttons for what is asked; with another there is a way out as well.
+fn choice(ui: &mut Ui, does: &str, other: Option<&str>) -> Answer {
+    let mut answer = Answer::None;
+    ui.horizontal(|ui| {
+        let first = ui.button(does);
+        if ui.memory(|memory| memory.focused().is_none()) {
+            first.request_focus();
+        }
+        if first.clicked() {
+            answer = Answer::Do;
+        }
+        let Some(other) = other else { return };
+        if ui.button(other).clicked() {
+            answer = Answer::Other;
+        }
+        if ui.button("Cancel").clicked() {
+            answer = Answer::Away;
+        }
+    });
+    answer
+}

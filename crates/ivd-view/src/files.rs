@@ -1,0 +1,92 @@
+//! Files that are kept: written where the person said, as whole files or not at all.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
+use ivd_core::Image;
+use ivd_frames::{File, Saved};
+
+use crate::inbox::Shared;
+
+/// Where what was asked for is to be written.
+#[derive(Default)]
+pub(crate) struct Keeping(Mutex<Vec<(Saved, PathBuf, Option<PathBuf>)>>);
+
+impl Keeping {
+    /// Something is asked for, to be written there.
+    ///
+    /// - `scan`: where the scan lies, to be told in what is written.
+    pub(crate) fn expect(&self, what: Saved, path: PathBuf, scan: Option<PathBuf>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push((what, path, scan));
+    }
+
+    /// Writes what came; says where it lies, or why it doesn't.
+    pub(crate) fn write(&self, file: &File) -> Result<String, String> {
+        let mut expected = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = expected.iter().position(|(what, ..)| *what == file.what);
+        let (_, path, scan) = place.map(|at| expected.remove(at)).ok_or("nobody asked for it")?;
+        drop(expected);
+        let named = match scan.as_deref().map(|scan| beside(scan, &path)) {
+            Some(scan) => file.clone().naming(&scan).map_err(|error| error.to_string())?,
+            None => file.clone(),
+        };
+        write(&path, &named.bytes)?;
+        Ok(path.display().to_string())
+    }
+
+    /// Nothing is expected any more of a kind that was refused.
+    pub(crate) fn forget(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
+/// How a scene beside a file names a scan: by its way from there where it lies beside or below, else by its name alone (`--input` tells where it lies).
+fn beside(scan: &Path, file: &Path) -> PathBuf {
+    let folder = std::path::absolute(ivd_fs::folder_of(file)).unwrap_or_default();
+    let name = || PathBuf::from(scan.file_name().unwrap_or_default());
+    scan.strip_prefix(&folder).map_or_else(|_| name(), Path::to_owned)
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let failed = |tried: &'static str, error: std::io::Error| {
+        format!("{}: {tried}: {error}; choose another place", path.display())
+    };
+    ivd_fs::replace(path, failed, |sink| sink.write_all(bytes).map_err(|error| failed("write", error)))?;
+    Ok(())
+}
+
+/// Asks for a picture of the whole window, to be written there.
+pub(crate) fn screenshot(context: &Context, shared: Shared, path: PathBuf) {
+    let callback = ScreenshotCallback::new(move |image| {
+        // Made and written beside the window.
+        let write = move || {
+            let kept = png(&image).and_then(|bytes| write(&path, &bytes));
+            let kept = kept.map(|()| path.display().to_string());
+            shared.locked().kept.push_back((None, kept));
+            shared.context.request_repaint();
+        };
+        let _ = std::thread::Builder::new().name("screenshot".to_owned()).spawn(write);
+    });
+    context.send_viewport_cmd(ViewportCommand::Screenshot(callback));
+}
+
+fn png(image: &ColorImage) -> Result<Vec<u8>, String> {
+    let rgba = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+    let image = Image::new(image.width(), image.height(), rgba).map_err(|error| error.to_string())?;
+    ivd_pipeline::png_bytes(&image).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_names_its_scan_from_where_it_is_written() {
+        let told = |file: &str| beside(Path::new("/a/b/c.nii"), Path::new(file));
+        assert_eq!(told("/a/scene.toml"), Path::new("b/c.nii"));
+        assert_eq!(told("/a/b/scene.toml"), Path::new("c.nii"));
+        assert_eq!(told("/elsewhere/scene.toml"), Path::new("c.nii"));
+    }
+}

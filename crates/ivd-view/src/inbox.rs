@@ -1,0 +1,106 @@
+//! What the service has given and the window has not yet looked at.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use eframe::egui::Context;
+use ivd_core::{Exec, Observer};
+use ivd_frames::{Error, Frame, Output, Saved, Scan};
+
+use crate::files::Keeping;
+
+/// Notes that are kept.
+const NOTES: usize = 50;
+
+/// What came last of everything.
+#[derive(Default)]
+pub(crate) struct Inbox {
+    pub(crate) scan: Option<Arc<Scan>>,
+    pub(crate) frame: Option<Arc<Frame>>,
+    /// The stage that is run while something is opened.
+    pub(crate) stage: Option<&'static str>,
+    /// Its share that is done, where that is known.
+    pub(crate) done: Option<(u64, u64)>,
+    pub(crate) notes: VecDeque<String>,
+    pub(crate) problems: VecDeque<String>,
+    /// What was written where, or why not; nothing for a picture of the window.
+    pub(crate) kept: VecDeque<(Option<Saved>, Result<String, String>)>,
+    pub(crate) failed: Option<Arc<Error>>,
+}
+
+/// The inbox as both threads hold it.
+#[derive(Clone)]
+pub(crate) struct Shared {
+    inbox: Arc<Mutex<Inbox>>,
+    pub(crate) keeping: Arc<Keeping>,
+    pub(crate) context: Context,
+}
+
+impl Shared {
+    pub(crate) fn new(context: Context) -> Self {
+        Self { inbox: Arc::default(), keeping: Arc::default(), context }
+    }
+
+    pub(crate) fn locked(&self) -> MutexGuard<'_, Inbox> {
+        self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes what the service gives, on its thread; what is to be kept is written here.
+    pub(crate) fn take(&self, output: Output) {
+        match output {
+            Output::Note(text) => self.note(&text),
+            Output::Stage(name) => {
+                let mut inbox = self.locked();
+                (inbox.stage, inbox.done) = (Some(name), None);
+            }
+            Output::Scan(scan) => self.locked().scan = Some(scan),
+            Output::Frame(frame) => self.locked().frame = Some(frame),
+            Output::File(_, file) => {
+                let what = file.what;
+                let kept = self.keeping.write(&file);
+                self.locked().kept.push_back((Some(what), kept));
+            }
+            Output::Problem(_, text) => self.locked().problems.push_back(text),
+            Output::Failed(error) => self.locked().failed = Some(error),
+        }
+        self.context.request_repaint();
+    }
+
+    fn note(&self, text: &str) {
+        let mut inbox = self.locked();
+        if inbox.notes.len() == NOTES {
+            inbox.notes.pop_front();
+        }
+        inbox.notes.push_back(text.to_owned());
+    }
+}
+
+/// How work goes on, for the window, and what is noted, for the terminal too.
+pub(crate) struct Watch {
+    pub(crate) shared: Shared,
+    pub(crate) exec: Exec,
+}
+
+impl Observer for Watch {
+    fn begin(&self, _task: &'static str, total: u64) {
+        self.shared.locked().done = Some((0, total));
+        self.shared.context.request_repaint();
+    }
+
+    fn advance(&self, _task: &'static str, units: u64) {
+        if let Some((done, _)) = &mut self.shared.locked().done {
+            *done += units;
+        }
+        self.shared.context.request_repaint();
+    }
+
+    fn end(&self, _task: &'static str) {
+        self.shared.locked().done = None;
+    }
+
+    fn note(&self, message: &str) {
+        self.exec.observer().note(message);
+        self.shared.note(message);
+        self.shared.context.request_repaint();
+    }
+}

@@ -1,0 +1,86 @@
+//! Keys that hold in the whole window.
+
+use eframe::egui::{Context, Key, KeyboardShortcut, Modifiers};
+use ivd_frames::{Axis, Request, Saved, Tool};
+use ivd_render::Side;
+
+use crate::dialogs::Dialog;
+use crate::window::Window;
+
+pub(crate) const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
+pub(crate) const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
+pub(crate) const QUIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Q);
+pub(crate) const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
+pub(crate) const REDO: KeyboardShortcut =
+    KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
+const REDO_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Y);
+
+/// Keys and buttons that this window has beside those of every window.
+pub(crate) const OWN: [(&str, &str); 5] = [
+    ("Ctrl+O, Ctrl+S, Ctrl+Q", "open, save the scene, quit"),
+    ("double click, with the tool Turn", "one picture alone; again: all of them"),
+    ("Tab", "to the next part of the window; Space or Enter presses it"),
+    ("Ctrl++, Ctrl+-", "larger and smaller letters"),
+    ("? or F1", "this list"),
+];
+
+/// The sides that one looks from by keys.
+const SIDES: [(Key, Side); 3] = [(Key::Num1, Side::Front), (Key::Num3, Side::Left), (Key::Num7, Side::Top)];
+
+impl Window {
+    /// Follows keys, unless somebody types.
+    pub(crate) fn keys(&mut self, context: &Context) {
+        let pressed = |key: Key| context.input_mut(|input| input.consume_key(Modifiers::NONE, key));
+        if self.dialog.is_some() {
+            return;
+        }
+        // Given up whatever else has the keys.
+        if self.hands.pane().is_some() && pressed(Key::Escape) {
+            self.hands.give_up().into_iter().for_each(|request| self.ask(request));
+        }
+        let shortcut = |keys: &KeyboardShortcut| context.input_mut(|input| input.consume_shortcut(keys));
+        if shortcut(&OPEN) {
+            self.ask_what_to_open();
+        }
+        if shortcut(&SAVE) && self.work.is_some() {
+            self.ask_where_to_keep(Saved::Scene);
+        }
+        if shortcut(&QUIT) {
+            self.quit(context);
+        }
+        if context.text_edit_focused() {
+            return;
+        }
+        // The longer one first: the shorter is part of it.
+        if shortcut(&REDO) || shortcut(&REDO_TOO) {
+            self.ask(Request::Redo);
+        } else if shortcut(&UNDO) {
+            self.ask(Request::Undo);
+        }
+        if self.hands.hold() {
+            for (key, axis) in [(Key::X, Axis::X), (Key::Y, Axis::Y), (Key::Z, Axis::Z)] {
+                if pressed(key) {
+                    self.hands.keep_to(axis);
+                }
+            }
+        }
+        for tool in Tool::ALL {
+            if Key::from_name(&tool.key().to_uppercase().to_string()).is_some_and(pressed) {
+                self.tool = tool;
+            }
+        }
+        for (key, side) in SIDES {
+            if pressed(key) {
+                self.ask(Request::Look { side });
+            }
+        }
+        if pressed(Key::Num0) {
+            self.ask(Request::ResetView);
+        }
+        // Where the key lies, and with what others, is a matter of the keyboard.
+        let asked = context.input(|input| input.key_pressed(Key::Questionmark) || input.key_pressed(Key::F1));
+        if asked {
+            self.dialog = Some(Dialog::Keys);
+        }
+    }
+}

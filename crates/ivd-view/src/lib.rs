@@ -1,0 +1,30 @@
+//! A session in a window: what [`ivd_frames`] draws and follows, shown by egui.
+//!
+//! The window computes nothing: it sends requests to a service on another thread and shows the frames that come. All that a pointer can do a keyboard can
+//! do as well, by the list of handles and the fields beside the pictures, and every part has a name of its own for those who read the window by ear.
+#![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
+
+mod bar;
+mod classes;
+mod dialogs;
+mod error;
+mod files;
+mod gestures;
+mod handles;
+mod inbox;
+mod journal;
+mod keys;
+mod layout;
+mod over;
+mod pane;
+mod run;
+mod shown;
+mod side;
+mod status;
+mod window;
+mod work;
+
+pub use error::Error;
+pub use run::{Options, run, source};
+pub use window::Window;

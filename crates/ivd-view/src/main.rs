@@ -1,0 +1,90 @@
+//! The program `ivd-view`: the window alone, with the words that `ivd view` takes.
+#![forbid(unsafe_code)]
+#![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::Parser;
+use ivd_artefact::{Cache, user_cache};
+use ivd_core::{Classified as _, ErrorClass, Exec, Observer, shown};
+use ivd_frames::Source;
+use ivd_pipeline::scene::Override;
+use ivd_view::{Options, run, source};
+
+/// Shows a scan in a window, to be pulled and pressed by hand.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Words {
+    /// Scan, scene (.toml), log that was kept (.jsonl), or the word demo. Without it the window asks.
+    #[arg(value_name = "FILE|SCENE|SESSION|demo")]
+    file: Option<PathBuf>,
+    /// Use this scan instead of the scene's.
+    #[arg(long, value_name = "FILE", requires = "file")]
+    input: Option<PathBuf>,
+    /// Override a key of the scene, or of that which a scan alone is opened by, such as lattice.iso=60.
+    #[arg(long = "set", value_name = "stage.key=value", requires = "file")]
+    overrides: Vec<Override>,
+    /// Folder of the cache, or off.
+    #[arg(long, value_name = "DIR|off")]
+    cache: Option<PathBuf>,
+    /// Threads that work; all by default.
+    #[arg(long, value_name = "N")]
+    threads: Option<std::num::NonZeroU16>,
+    /// Says nothing but why it fails.
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// What is noted, on the terminal.
+struct Terminal;
+
+impl Observer for Terminal {
+    fn note(&self, message: &str) {
+        say(&format!("note: {message}"));
+    }
+}
+
+fn say(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{}", shown(text));
+}
+
+fn main() -> ExitCode {
+    let words = Words::parse();
+    match window(words) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err((class, problem)) => {
+            say(&format!("ivd-view: {problem}"));
+            // As `ivd` ends.
+            ExitCode::from(match class {
+                ErrorClass::Usage => 2,
+                ErrorClass::Input => 3,
+                ErrorClass::Limit => 4,
+                ErrorClass::Untrusted => 5,
+                ErrorClass::NoGpu => 6,
+                ErrorClass::Io => 7,
+                ErrorClass::Cancelled => 130,
+            })
+        }
+    }
+}
+
+fn window(words: Words) -> Result<(), (ErrorClass, String)> {
+    let mut exec = Exec::default();
+    if !words.quiet {
+        exec = exec.with_observer(Arc::new(Terminal));
+    }
+    if let Some(threads) = words.threads {
+        exec = exec.with_threads(usize::from(threads.get()));
+    }
+    let cache = match words.cache.or_else(user_cache) {
+        Some(folder) if folder == Path::new("off") => Cache::disabled(),
+        Some(folder) => Cache::open(&folder).map_err(|error| (error.error_class(), error.to_string()))?,
+        None => Cache::disabled(),
+    };
+    let source =
+        words.file.map(|file| Source { input: words.input, overrides: words.overrides, ..source(&file) });
+    run(Options::new(exec, cache), source).map_err(|error| (error.error_class(), error.to_string()))
+}

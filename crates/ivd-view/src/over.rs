@@ -1,0 +1,163 @@
+//! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
+
+use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
+use ivd_frames::{Figures, Pane, Spot, Tool};
+
+use crate::shown::Shown;
+
+const CROSS: Color32 = Color32::from_rgba_premultiplied(63, 139, 106, 170);
+const HANDLE: Color32 = Color32::from_rgb(255, 180, 84);
+const HELD: Color32 = Color32::from_rgb(255, 212, 121);
+const PIN: Color32 = Color32::from_rgb(108, 182, 255);
+const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
+const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
+/// Slices from which on a handle is faint in a slice.
+const BESIDE: f64 = 2.0;
+/// Of what is written over pictures (points).
+const LETTERS: f32 = 13.0;
+
+/// What is drawn over a pane.
+pub(crate) struct Over<'a> {
+    pub(crate) painter: &'a Painter,
+    pub(crate) pane: Pane,
+    /// The pane, and the picture in it.
+    pub(crate) rect: Rect,
+    pub(crate) room: Rect,
+    pub(crate) shown: &'a Shown,
+    pub(crate) tool: Tool,
+}
+
+impl Over<'_> {
+    /// Draws all of it.
+    pub(crate) fn draw(&self) {
+        self.cross_hair();
+        if let Some(figures) = self.shown.figures() {
+            self.spots(figures);
+        }
+        self.letters();
+        self.bar();
+        let (at, font) = (self.rect.left_top() + vec2(6.0, 4.0), FontId::proportional(LETTERS));
+        self.painter.text(at, Align2::LEFT_TOP, name(self.pane), font, FAINT);
+    }
+
+    fn place(&self, share: [f64; 2]) -> Pos2 {
+        self.room.min + vec2(share[0] as f32 * self.room.width(), share[1] as f32 * self.room.height())
+    }
+
+    /// Points for every mm.
+    fn scale(&self) -> Option<f32> {
+        self.shown.width_mm(self.pane).map(|mm| self.room.width() / mm as f32)
+    }
+
+    fn cross_hair(&self) {
+        if self.pane == Pane::Volume {
+            return;
+        }
+        let Some(at) = self.shown.cross_at()[self.pane.number()].map(|at| self.place(at)) else { return };
+        self.painter.hline(self.rect.x_range(), at.y, Stroke::new(1.0, CROSS));
+        self.painter.vline(at.x, self.rect.y_range(), Stroke::new(1.0, CROSS));
+    }
+
+    fn ring(&self, at: Pos2, radius: f32, colour: Color32, width: f32) {
+        self.painter.circle_stroke(at, radius.max(1.0), Stroke::new(width, colour));
+    }
+
+    /// What doesn't lie in a slice is faint there.
+    fn faint(&self, spot: &Spot, colour: Color32) -> Color32 {
+        let off = self.pane.number().checked_sub(1).map_or(0.0, |slice| spot.off[slice].abs());
+        if off > BESIDE { colour.gamma_multiply(0.3) } else { colour }
+    }
+
+    fn spots(&self, figures: &Figures) {
+        let number = self.pane.number();
+        let Some(scale) = self.scale() else { return };
+        for pin in &figures.pins {
+            let Some(at) = pin.at[number].map(|at| self.place(at)) else { continue };
+            let colour = self.faint(pin, PIN);
+            self.ring(at, 5.0, colour, 2.0);
+            self.ring(at, pin.radius as f32 * scale, colour.gamma_multiply(0.35), 1.0);
+        }
+        let pointed = figures.hovered.as_ref().and_then(|hovered| hovered.handle);
+        for one in &figures.handles {
+            let Some(at) = one.at[number].map(|at| self.place(at)) else { continue };
+            let held = figures.held == Some(one.id) || pointed == Some(one.id);
+            let colour = self.faint(one, if held { HELD } else { HANDLE });
+            self.ring(at, 6.0, colour, if held { 3.0 } else { 2.0 });
+            if held {
+                self.ring(at, one.radius as f32 * scale, colour.gamma_multiply(0.55), 1.0);
+            }
+            let (beside, font) = (at + vec2(8.0, -8.0), FontId::proportional(LETTERS));
+            self.painter.text(beside, Align2::LEFT_BOTTOM, one.id.to_string(), font, colour);
+        }
+        let hovered = figures.hovered.as_ref().filter(|hovered| hovered.vertex.is_some());
+        let would_take = self.tool == Tool::Handle && figures.held.is_none() && pointed.is_none();
+        if let Some(at) = hovered.filter(|_| would_take).and_then(|hovered| hovered.at[number]) {
+            let at = self.place(at);
+            self.ring(at, 3.0, Color32::WHITE, 1.0);
+            self.ring(at, figures.radius as f32 * scale, Color32::WHITE.gamma_multiply(0.35), 1.0);
+        }
+    }
+
+    fn letters(&self) {
+        let letters = match self.pane.number().checked_sub(1) {
+            None => self.shown.figures().and_then(|figures| figures.letters),
+            Some(slice) => self.shown.slices().and_then(|slices| slices[slice].letters),
+        };
+        let Some([left, right, top, bottom]) = letters else { return };
+        let (rect, middle) = (self.rect, self.rect.center());
+        for (at, align, letter) in [
+            (pos2(rect.left() + 6.0, middle.y), Align2::LEFT_CENTER, left),
+            (pos2(rect.right() - 6.0, middle.y), Align2::RIGHT_CENTER, right),
+            (pos2(middle.x, rect.top() + 4.0), Align2::CENTER_TOP, top),
+            (pos2(middle.x, rect.bottom() - 4.0), Align2::CENTER_BOTTOM, bottom),
+        ] {
+            self.painter.text(at, align, letter, FontId::proportional(LETTERS + 2.0), TEXT);
+        }
+        if let Some(slice) = self.pane.number().checked_sub(1).and_then(|n| Some(&self.shown.slices()?[n])) {
+            let at = rect.left_bottom() + vec2(6.0, -4.0);
+            let which = format!("{} / {}", slice.slice + 1, slice.slices);
+            self.painter.text(at, Align2::LEFT_BOTTOM, which, FontId::proportional(LETTERS), TEXT);
+        }
+    }
+
+    /// A bar of a round length.
+    fn bar(&self) {
+        let Some(scale) = self.scale().filter(|scale| scale.is_finite() && *scale > 0.0) else { return };
+        let length = round_length(f64::from(0.25 * self.rect.width() / scale));
+        let end = self.rect.right_bottom() - vec2(8.0, 8.0);
+        let wide = length as f32 * scale;
+        let bar = Rect::from_min_max(end - vec2(wide, 2.0), end);
+        self.painter.rect_filled(bar, 0.0, TEXT);
+        let font = FontId::proportional(LETTERS);
+        self.painter.text(end - vec2(0.0, 5.0), Align2::RIGHT_BOTTOM, format!("{length} mm"), font, TEXT);
+    }
+}
+
+/// The longest of 1, 2, 5, 10 … that is no longer.
+fn round_length(most: f64) -> f64 {
+    let power = 10.0_f64.powf(most.log10().floor());
+    let length = [5.0, 2.0, 1.0].map(|n| n * power).into_iter().find(|length| *length <= most);
+    // Without the digits that a power of ten below one brings.
+    (length.unwrap_or(power) * 1e6).round() / 1e6
+}
+
+/// How a pane is called.
+pub(crate) fn name(pane: Pane) -> &'static str {
+    match pane {
+        Pane::Volume => "Volume",
+        Pane::Axial => "Axial",
+        Pane::Coronal => "Coronal",
+        Pane::Sagittal => "Sagittal",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_have_round_lengths() {
+        let lengths = [0.034, 0.99, 1.0, 3.0, 49.0, 73.0].map(round_length);
+        assert_eq!(lengths, [0.02, 0.5, 1.0, 2.0, 20.0, 50.0]);
+    }
+}

@@ -1,0 +1,150 @@
+//! The panel beside the pictures: what moves and how, classes, what was noted.
+
+use eframe::egui::{CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui};
+use ivd_frames::{Figures, MapName, Pane, Request};
+
+use crate::over::name;
+use crate::window::Window;
+
+/// Level that the slider ends at; higher ones have a handful of vertices.
+const LEVELS: u8 = 8;
+/// Stiffness that the slider ends at (N/m).
+const STIFFEST: f64 = 1e5;
+
+impl Window {
+    /// Shows the panel.
+    pub(crate) fn side(&mut self, ui: &mut Ui) {
+        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            if let Some(figures) = self.shown.figures().cloned() {
+                self.motion(ui, &figures);
+                ui.separator();
+                self.handles(ui, &figures);
+                ui.separator();
+                self.classes(ui, &figures);
+            }
+            let notes = self.notes.clone();
+            if !notes.is_empty() {
+                CollapsingHeader::new("Notes").default_open(true).show(ui, |ui| {
+                    for note in notes {
+                        ui.label(note);
+                    }
+                });
+            }
+        });
+    }
+
+    /// The value of a slider or field: the hand's while it is held, else what is shown.
+    pub(crate) fn value(&self, name: &str, shown: f64) -> f64 {
+        self.turning.as_ref().filter(|(held, _)| held == name).map_or(shown, |(_, value)| *value)
+    }
+
+    /// What a slider or a field changes from when it is taken hold of until it is let go of is one step.
+    pub(crate) fn turned(
+        &mut self,
+        response: &Response,
+        (name, value): (&str, f64),
+        step: &str,
+        request: impl FnOnce() -> Request,
+    ) {
+        if response.drag_started() {
+            self.ask(Request::Adjust { name: step.to_owned() });
+        }
+        if response.dragged() {
+            self.turning = Some((name.to_owned(), value));
+        }
+        if response.changed() {
+            self.ask(request());
+        }
+        if response.drag_stopped() {
+            self.turning = None;
+            self.ask(Request::Drop);
+        }
+    }
+
+    fn motion(&mut self, ui: &mut Ui, figures: &Figures) {
+        let widest = self.extent_mm().max(1.0);
+        let mut radius = self.value("Radius", figures.radius);
+        for response in slider(ui, "Radius", "mm", &mut radius, 0.5..=widest, true) {
+            let handle = figures.held;
+            let request = || Request::Radius { handle, radius: radius.max(1e-3) };
+            self.turned(&response, ("Radius", radius), "radius", request);
+        }
+        let mut stiffness = self.value("Stiffness", figures.stiffness);
+        for response in slider(ui, "Stiffness", "N/m", &mut stiffness, 1e-2..=STIFFEST, true) {
+            let request = || Request::Stiffness { stiffness };
+            self.turned(&response, ("Stiffness", stiffness), "stiffness", request);
+        }
+        let mut level = self.value("Level", f64::from(figures.level));
+        for response in slider(ui, "Level", "of the lattice", &mut level, 0.0..=f64::from(LEVELS), false) {
+            let request = || Request::Level { level: level.round() as u8 };
+            self.turned(&response, ("Level", level), "level", request);
+        }
+        self.follow(ui, figures);
+        self.cut(ui, figures);
+    }
+
+    /// How the voxels follow.
+    fn follow(&mut self, ui: &mut Ui, figures: &Figures) {
+        let now = MapName::ALL.into_iter().find(|map| format!("{map:?}").eq_ignore_ascii_case(figures.map));
+        ComboBox::from_label("Voxels follow").selected_text(now.map_or(figures.map, MapName::word)).show_ui(
+            ui,
+            |ui| {
+                for map in MapName::ALL {
+                    if ui.selectable_label(now == Some(map), map.word()).clicked() {
+                        self.ask(Request::Map { map });
+                    }
+                }
+            },
+        );
+    }
+
+    /// Where the volume is cut open.
+    fn cut(&mut self, ui: &mut Ui, figures: &Figures) {
+        let word = |along: Option<Pane>| match along {
+            None => "not".to_owned(),
+            Some(Pane::Volume) => "facing me".to_owned(),
+            Some(slice) => name(slice).to_lowercase(),
+        };
+        ComboBox::from_label("Cut").selected_text(word(figures.cut)).show_ui(ui, |ui| {
+            let slices = Pane::ALL.into_iter().filter(|pane| *pane != Pane::Volume).map(Some);
+            for along in [None].into_iter().chain(slices).chain([Some(Pane::Volume)]) {
+                if ui.selectable_label(figures.cut == along, word(along)).clicked() {
+                    self.ask(Request::Cut { along });
+                }
+            }
+        });
+    }
+
+    /// The longest side of the scan (mm).
+    fn extent_mm(&self) -> f64 {
+        let slices = self.shown.slices();
+        slices.into_iter().flatten().flat_map(|slice| slice.extent_mm).fold(0.0, f64::max)
+    }
+}
+
+/// A slider with a field beside it, each with a name of its own.
+fn slider(
+    ui: &mut Ui,
+    name: &str,
+    unit: &str,
+    value: &mut f64,
+    range: std::ops::RangeInclusive<f64>,
+    logarithmic: bool,
+) -> [Response; 2] {
+    let whole = !logarithmic;
+    ui.label(format!("{name} ({unit})"));
+    ui.horizontal(|ui| {
+        let slider = Slider::new(value, range.clone())
+            .logarithmic(logarithmic)
+            .step_by(if whole { 1.0 } else { 0.0 })
+            .clamping(SliderClamping::Never)
+            .show_value(false);
+        let slid = ui.add(slider).accessible_name(name);
+        let field = DragValue::new(value)
+            .range(0.0..=1e6)
+            .speed(if whole { 0.05 } else { 0.01 * range.end().min(100.0) })
+            .max_decimals(if whole { 0 } else { 2 });
+        [slid, ui.add(field.update_while_editing(false)).accessible_name(format!("{name}, as a number"))]
+    })
+    .inner
+}

@@ -1,0 +1,2 @@
+//! The window, without a screen: hands, keys, names, and what is drawn.
+mod window;

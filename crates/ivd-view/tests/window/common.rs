@@ -1,0 +1,148 @@
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use eframe::egui::{Event, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Rect, TouchPhase, vec2};
+use egui_kittest::kittest::Queryable as _;
+use egui_kittest::{Harness, TestRenderer};
+use ivd_artefact::Cache;
+use ivd_core::Exec;
+use ivd_frames::{Figures, Source};
+use ivd_view::{Options, Window};
+
+/// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
+pub(crate) const BALL: &str = r#"
+schema = 1
+[input]
+phantom = "sphere"
+size = 32
+[lattice]
+iso = 127.5
+[refine]
+level = 1
+[render]
+mode = "iso"
+iso = 127.5
+view = "front"
+[output]
+images = ["before"]
+"#;
+
+/// Whatever takes longer never comes.
+const LONG: Duration = Duration::from_mins(1);
+
+/// A window without a screen, and the folder that it keeps things in.
+pub(crate) struct Here {
+    pub(crate) harness: Harness<'static, Window>,
+    pub(crate) folder: Arc<tempfile::TempDir>,
+}
+
+/// What a scene's file opens, in a folder.
+pub(crate) fn scene(folder: &Path, text: &str) -> Source {
+    let file = folder.join("scene.toml");
+    std::fs::write(&file, text).unwrap();
+    Source { file: Some(file), ..Source::default() }
+}
+
+impl Here {
+    /// A window on the ball.
+    pub(crate) fn ball() -> Self {
+        let folder = Arc::new(tempfile::tempdir().unwrap());
+        let source = scene(folder.path(), BALL);
+        let mut here = Self::new(folder, Some(source), None);
+        here.settle();
+        here
+    }
+
+    /// A window that opens something.
+    pub(crate) fn new(
+        folder: Arc<tempfile::TempDir>,
+        source: Option<Source>,
+        renderer: Option<Box<dyn TestRenderer>>,
+    ) -> Self {
+        let options = Options {
+            exec: Exec::default(),
+            cache: Arc::new(Cache::disabled()),
+            folder: Some(folder.path().join("state")),
+        };
+        let builder = Harness::builder().with_size([1000.0, 700.0]);
+        let builder = match renderer {
+            Some(renderer) => builder.renderer(Passed(renderer)),
+            None => builder,
+        };
+        let harness =
+            builder.build_ui_state(|ui, window: &mut Window| window.show(ui), Window::new(options, source));
+        Self { harness, folder }
+    }
+
+    /// Goes on until something holds.
+    pub(crate) fn until(&mut self, what: &str, holds: impl Fn(&Self) -> bool) {
+        let start = Instant::now();
+        loop {
+            self.harness.step();
+            if holds(self) {
+                return;
+            }
+            assert!(start.elapsed() < LONG, "never: {what}");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Goes on until the volume's picture is whole.
+    pub(crate) fn settle(&mut self) {
+        self.until("a whole picture", |here| here.harness.state().is_settled());
+    }
+
+    /// What is told, once something holds of it.
+    pub(crate) fn told(&mut self, what: &str, holds: impl Fn(&Figures) -> bool) -> Figures {
+        self.until(what, |here| here.harness.state().figures().is_some_and(&holds));
+        self.harness.state().figures().unwrap().clone()
+    }
+
+    pub(crate) fn figures(&self) -> &Figures {
+        self.harness.state().figures().unwrap()
+    }
+
+    /// The place of something that is called so.
+    pub(crate) fn rect(&self, name: &str) -> Rect {
+        self.harness.get_by_label(name).rect()
+    }
+
+    /// A place in a pane, by shares of it.
+    pub(crate) fn at(&self, pane: &str, right: f32, down: f32) -> Pos2 {
+        let rect = self.rect(pane);
+        rect.min + vec2(right * rect.width(), down * rect.height())
+    }
+
+    /// Turns the wheel there, away from the hand.
+    pub(crate) fn wheel(&mut self, lines: f32) {
+        self.harness.event(Event::MouseWheel {
+            unit: MouseWheelUnit::Line,
+            delta: vec2(0.0, lines),
+            phase: TouchPhase::Move,
+            source: MouseWheelSource::Unknown,
+            modifiers: Modifiers::NONE,
+        });
+        self.harness.step();
+    }
+
+    pub(crate) fn has(&self, text: &str) -> bool {
+        self.harness.query_all_by_label_contains(text).next().is_some()
+    }
+
+    /// Presses something that is called so.
+    pub(crate) fn press(&mut self, name: &str) {
+        self.harness.get_by_label(name).click();
+        self.harness.step();
+        self.harness.step();
+    }
+}
+
+/// A renderer that was made elsewhere.
+struct Passed(Box<dyn TestRenderer>);
+
+impl TestRenderer for Passed {
+    fn handle_delta(&mut self, delta: &mut eframe::egui::TexturesDelta) {
+        self.0.handle_delta(delta);
+    }
+}

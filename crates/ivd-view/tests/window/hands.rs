@@ -1,0 +1,106 @@
+//! By mouse.
+
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
+
+use super::common::Here;
+
+fn button(here: &mut Here, pos: Pos2, pressed: bool) {
+    here.harness.event(Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    });
+    here.harness.step();
+}
+
+/// Takes hold of the ball where it is seen, and pulls.
+fn pull(here: &mut Here) -> Pos2 {
+    here.harness.key_press(Key::H);
+    let at = here.at("Volume", 0.5, 0.5);
+    here.harness.hover_at(at);
+    here.harness.step();
+    button(here, at, true);
+    here.told("a handle is held", |told| told.held.is_some());
+    let to = at + vec2(12.0, -16.0);
+    here.harness.hover_at(to);
+    here.told("it went along", |told| told.largest_mm > 0.5);
+    to
+}
+
+#[test]
+fn a_drag_by_mouse_makes_a_displacement_and_one_step() {
+    let mut here = Here::ball();
+    let to = pull(&mut here);
+    button(&mut here, to, false);
+    let told = here.told("it was let go", |told| told.held.is_none() && told.undo.is_some());
+    assert_eq!((told.handles.len(), told.undo.as_deref()), (1, Some("drag a new handle")));
+    let by = told.handles[0].by.unwrap();
+    assert!(by[0].abs() > 0.3 && by[2] > 0.3 && told.min_det_j > 0.0, "{by:?}");
+    assert!(told.unsaved);
+    here.press("Undo");
+    let told = here.told("nothing is moved", |told| told.undo.is_none());
+    assert!(told.handles.is_empty() && told.redo.is_some() && told.largest_mm == 0.0);
+    assert!(!told.unsaved, "nothing would be lost");
+}
+
+#[test]
+fn escape_goes_back_to_before_the_drag() {
+    let mut here = Here::ball();
+    let to = pull(&mut here);
+    here.harness.key_press(Key::Escape);
+    let told = here.told("it is given up", |told| told.held.is_none());
+    assert!(told.handles.is_empty() && told.undo.is_none() && told.largest_mm == 0.0);
+    button(&mut here, to, false);
+    // Turning never edits.
+    here.harness.key_press(Key::T);
+    here.harness.step();
+    let at = here.at("Volume", 0.5, 0.5);
+    here.harness.hover_at(at);
+    button(&mut here, at, true);
+    let before = here.figures().angles;
+    here.harness.hover_at(at + vec2(60.0, 10.0));
+    let told = here.told("it is turned", |told| told.angles != before);
+    button(&mut here, at, false);
+    assert!(told.handles.is_empty());
+}
+
+#[test]
+fn the_wheel_is_the_radius_while_a_handle_is_held_and_goes_through_slices_else() {
+    let mut here = Here::ball();
+    let to = pull(&mut here);
+    let radius = here.figures().radius;
+    here.wheel(2.0);
+    let told = here.told("it is wider", |told| told.radius > radius);
+    assert!((told.radius - radius * 1.21).abs() < 1e-9 && told.handles[0].radius == told.radius);
+    button(&mut here, to, false);
+    let told = here.told("it was let go", |told| told.held.is_none());
+    let at = here.at("Sagittal slice", 0.1, 0.1);
+    here.harness.hover_at(at);
+    here.harness.step();
+    here.wheel(-3.0);
+    let slice = told.slices[2].slice;
+    let told = here.told("another slice", |told| told.slices[2].slice != slice);
+    assert_eq!(told.slices[2].slice, slice - 3);
+}
+
+#[test]
+fn a_slider_that_is_dragged_is_one_step() {
+    let mut here = Here::ball();
+    let rect = here.rect("Stiffness");
+    let before = here.figures().stiffness;
+    let (from, to) = (rect.left_center() + vec2(4.0, 0.0), rect.right_center() - vec2(4.0, 0.0));
+    here.harness.hover_at(from);
+    here.harness.step();
+    button(&mut here, from, true);
+    for share in [0.3, 0.6, 1.0] {
+        here.harness.hover_at(from + share * (to - from));
+        here.harness.step();
+    }
+    button(&mut here, to, false);
+    let told = here.told("it is let go of", |told| told.undo.is_some());
+    assert_ne!(told.stiffness, before);
+    here.press("Undo");
+    let told = here.told("as before", |told| told.undo.is_none());
+    assert_eq!(told.stiffness, before);
+}

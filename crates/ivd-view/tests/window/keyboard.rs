@@ -1,0 +1,101 @@
+//! By keyboard alone: open, take a handle from the list, move it, undo, export.
+
+use eframe::egui::{Event, Key, Modifiers};
+use egui_kittest::kittest::Queryable as _;
+use ivd_frames::Saved;
+
+use super::common::{BALL, Here, scene};
+
+/// Goes to a part of the window by the key that does so, however long that takes.
+fn tab_to(here: &mut Here, name: &str) {
+    for _ in 0..200 {
+        if here.harness.query_by_label(name).is_some_and(|node| node.is_focused()) {
+            return;
+        }
+        here.harness.key_press(Key::Tab);
+        here.harness.step();
+    }
+    panic!("{name} is never reached by Tab");
+}
+
+fn typed(here: &mut Here, text: &str) {
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    here.harness.event(Event::Text(text.to_owned()));
+    here.harness.step();
+    here.harness.key_press(Key::Enter);
+    here.harness.step();
+}
+
+#[test]
+fn a_session_needs_no_pointer() {
+    let folder = std::sync::Arc::new(tempfile::tempdir().unwrap());
+    let source = scene(folder.path(), BALL);
+    let mut here = Here::new(folder, None, None);
+    here.harness.step();
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
+    here.harness.step();
+    here.harness.step();
+    tab_to(&mut here, "Path");
+    typed(&mut here, &source.file.unwrap().display().to_string());
+    here.settle();
+
+    tab_to(&mut here, "Place of a new handle, at rest, mm");
+    typed(&mut here, "16, 28, 16");
+    let told = here.told("a handle more", |told| told.handles.len() == 1);
+    let name = format!("Handle {}: y, mm from rest", told.handles[0].id);
+    tab_to(&mut here, &name);
+    typed(&mut here, "-1.5");
+    let told = here.told("it is moved", |told| told.handles[0].by == Some([0.0, -1.5, 0.0]));
+    assert!((told.largest_mm - 1.5).abs() < 0.2 && told.undo.as_deref() == Some("move"), "{told:?}");
+
+    // Out of the field first: there the keys are its own.
+    here.harness.key_press(Key::Escape);
+    here.harness.step();
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    here.told("it is undone", |told| told.handles[0].by == Some([0.0; 3]));
+    here.harness.key_press_modifiers(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
+    here.told("and done again", |told| told.handles[0].by == Some([0.0, -1.5, 0.0]));
+
+    // A picture shows other slices by arrows.
+    tab_to(&mut here, "Axial slice");
+    let slice = here.figures().slices[0].slice;
+    here.harness.key_press(Key::ArrowUp);
+    here.told("another slice", |told| told.slices[0].slice == slice + 1);
+
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    here.harness.step();
+    here.harness.step();
+    let kept = here.folder.path().join("kept.toml");
+    tab_to(&mut here, "Path");
+    typed(&mut here, &kept.display().to_string());
+    here.until("it is written", |_| kept.exists());
+    let told = here.told("nothing would be lost", |told| !told.unsaved);
+    let scene = ivd_pipeline::scene::load(&kept, &[]).unwrap().scene;
+    let handles = scene.param(&ivd_motion_stage(), "handle").unwrap();
+    assert_eq!(handles[0]["move"], serde_json::json!(told.handles[0].by));
+    assert_eq!(Saved::Scene.name(), "scene.toml");
+}
+
+/// The stage that handles belong to.
+fn ivd_motion_stage() -> ivd_core::op::Stage {
+    ivd_pipeline::scene::parse(BALL, &[])
+        .unwrap()
+        .sections()
+        .iter()
+        .find(|section| section.stage().name == "deform")
+        .unwrap()
+        .stage()
+        .clone()
+}
+
+#[test]
+fn the_list_of_keys_comes_by_a_key_and_goes_by_one() {
+    let mut here = Here::ball();
+    here.harness.key_press(Key::Questionmark);
+    here.until("the list", |here| here.has("What hands and keys do"));
+    for (keys, _) in ivd_frames::KEYS {
+        assert!(here.has(keys), "{keys}");
+    }
+    here.harness.key_press(Key::Escape);
+    here.until("the pictures", |here| !here.has("What hands and keys do"));
+}

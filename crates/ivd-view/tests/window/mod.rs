@@ -1,0 +1,9 @@
+#![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
+
+mod common;
+mod drawn;
+mod hands;
+mod keyboard;
+mod names;
+mod opened;
+mod screen;
