@@ -12,9 +12,6 @@ pub(crate) const MOST_HANDLES: usize = 64;
 /// No length, force or place is further from 0 (mm, mN).
 const FARTHEST: f64 = 1e6;
 
-/// Letters of a step's name.
-const LONGEST_NAME: usize = 40;
-
 /// A part of the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -182,10 +179,7 @@ pub enum Request {
         lock: Option<Axis>,
     },
     /// Begins to turn a slider: what follows until it is let go of, by a drop, is one step.
-    Adjust {
-        /// What the step is called.
-        name: String,
-    },
+    Adjust,
     /// Lets go of what is held: one step, to be undone at once.
     Drop,
     /// Goes back to what was before the drag.
@@ -312,9 +306,6 @@ impl Request {
             Self::Pull { with, .. } => lengths("force", with),
             Self::Wheel { steps } | Self::Slice { steps, .. } if steps.unsigned_abs() > 10_000 => {
                 wrong("steps", steps.to_string(), "use up to 10,000")
-            }
-            Self::Adjust { name } if name.chars().count() > LONGEST_NAME => {
-                wrong("adjust", "a long name".to_owned(), "use up to 40 letters")
             }
             Self::Class { opacity: Some(opacity), .. } if !(0.0..=1.0).contains(opacity) => {
                 wrong("opacity", opacity.to_string(), "use 0 to 1")

@@ -138,6 +138,11 @@ impl Subject {
             said.push(format!("level {level}, for {vertices} vertices as cut"));
         }
         let settings = settings(&scene)?;
+        if is_bare {
+            let part = done.iter().find(|(id, _)| id.stage == ivd_boundary::STAGE.name);
+            let part = part.and_then(|(_, result)| part_of(&volume, &json!(result.record.metrics)));
+            said.splice(0..0, part.into_iter().chain([material_of(&settings)]));
+        }
         Ok(Self {
             scene,
             volume,
@@ -159,6 +164,24 @@ impl Subject {
     pub fn scene_of(&self, settings: &Settings) -> Result<Scene, Error> {
         scene_of(&self.scene, settings)
     }
+}
+
+/// Which part of a scan was chosen, and where its surface lies.
+fn part_of(volume: &Volume, figures: &Json) -> Option<String> {
+    let (class, voxels) = (figures["class"].as_u64()?, figures["voxels"].as_f64()?);
+    let millilitres = voxels * volume.grid().spacing().iter().product::<f64>() / 1000.0;
+    Some(format!(
+        "the part: class {class}, {millilitres:.1} ml in one piece; its surface: where its values meet its neighbours'"
+    ))
+}
+
+/// Of what matter it is taken to be.
+fn material_of(settings: &Settings) -> String {
+    let stiffness = match &settings.physics {
+        Physics::Ring(params) => params.stiffness,
+        Physics::Springs(params) => params.springs.stiffness,
+    };
+    format!("the material: the same everywhere, {stiffness} N/m")
 }
 
 fn missing(what: &'static str) -> Error {

@@ -88,8 +88,7 @@ impl Window {
             let field = DragValue::new(&mut told[axis]).speed(SPEED).max_decimals(2).range(-1e6..=1e6);
             let field = ui.add(field.update_while_editing(false));
             let field = field.accessible_name(full.clone());
-            let step = if pulls { "pull" } else { "move" };
-            self.turned(&field, (&full, told[axis]), step, || {
+            self.turned(&field, (&full, told[axis]), || {
                 if pulls {
                     Request::Pull { handle: id, with: told }
                 } else {

@@ -36,8 +36,17 @@ impl Over<'_> {
         }
         self.letters();
         self.bar();
-        let (at, font) = (self.rect.left_top() + vec2(6.0, 4.0), FontId::proportional(LETTERS));
-        self.painter.text(at, Align2::LEFT_TOP, name(self.pane), font, FAINT);
+        self.write(self.rect.left_top() + vec2(6.0, 4.0), Align2::LEFT_TOP, name(self.pane), LETTERS, FAINT);
+    }
+
+    /// Writes something, dark around it: pictures are light and dark.
+    fn write(&self, at: Pos2, align: Align2, text: impl ToString, size: f32, colour: Color32) {
+        let font = FontId::proportional(size);
+        for off in [vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(1.0, -1.0), vec2(-1.0, -1.0)] {
+            let dark = Color32::BLACK.gamma_multiply(0.6);
+            self.painter.text(at + off, align, text.to_string(), font.clone(), dark);
+        }
+        self.painter.text(at, align, text, font, colour);
     }
 
     fn place(&self, share: [f64; 2]) -> Pos2 {
@@ -86,8 +95,7 @@ impl Over<'_> {
             if held {
                 self.ring(at, one.radius as f32 * scale, colour.gamma_multiply(0.55), 1.0);
             }
-            let (beside, font) = (at + vec2(8.0, -8.0), FontId::proportional(LETTERS));
-            self.painter.text(beside, Align2::LEFT_BOTTOM, one.id.to_string(), font, colour);
+            self.write(at + vec2(8.0, -8.0), Align2::LEFT_BOTTOM, one.id, LETTERS, colour);
         }
         let hovered = figures.hovered.as_ref().filter(|hovered| hovered.vertex.is_some());
         let would_take = self.tool == Tool::Handle && figures.held.is_none() && pointed.is_none();
@@ -111,12 +119,12 @@ impl Over<'_> {
             (pos2(middle.x, rect.top() + 4.0), Align2::CENTER_TOP, top),
             (pos2(middle.x, rect.bottom() - 4.0), Align2::CENTER_BOTTOM, bottom),
         ] {
-            self.painter.text(at, align, letter, FontId::proportional(LETTERS + 2.0), TEXT);
+            self.write(at, align, letter, LETTERS + 2.0, TEXT);
         }
         if let Some(slice) = self.pane.number().checked_sub(1).and_then(|n| Some(&self.shown.slices()?[n])) {
             let at = rect.left_bottom() + vec2(6.0, -4.0);
             let which = format!("{} / {}", slice.slice + 1, slice.slices);
-            self.painter.text(at, Align2::LEFT_BOTTOM, which, FontId::proportional(LETTERS), TEXT);
+            self.write(at, Align2::LEFT_BOTTOM, which, LETTERS, TEXT);
         }
     }
 
@@ -128,8 +136,7 @@ impl Over<'_> {
         let wide = length as f32 * scale;
         let bar = Rect::from_min_max(end - vec2(wide, 2.0), end);
         self.painter.rect_filled(bar, 0.0, TEXT);
-        let font = FontId::proportional(LETTERS);
-        self.painter.text(end - vec2(0.0, 5.0), Align2::RIGHT_BOTTOM, format!("{length} mm"), font, TEXT);
+        self.write(end - vec2(0.0, 5.0), Align2::RIGHT_BOTTOM, format!("{length} mm"), LETTERS, TEXT);
     }
 }
 

@@ -43,11 +43,10 @@ impl Window {
         &mut self,
         response: &Response,
         (name, value): (&str, f64),
-        step: &str,
         request: impl FnOnce() -> Request,
     ) {
         if response.drag_started() {
-            self.ask(Request::Adjust { name: step.to_owned() });
+            self.ask(Request::Adjust);
         }
         if response.dragged() {
             self.turning = Some((name.to_owned(), value));
@@ -67,17 +66,17 @@ impl Window {
         for response in slider(ui, "Radius", "mm", &mut radius, 0.5..=widest, true) {
             let handle = figures.held;
             let request = || Request::Radius { handle, radius: radius.max(1e-3) };
-            self.turned(&response, ("Radius", radius), "radius", request);
+            self.turned(&response, ("Radius", radius), request);
         }
         let mut stiffness = self.value("Stiffness", figures.stiffness);
         for response in slider(ui, "Stiffness", "N/m", &mut stiffness, 1e-2..=STIFFEST, true) {
             let request = || Request::Stiffness { stiffness };
-            self.turned(&response, ("Stiffness", stiffness), "stiffness", request);
+            self.turned(&response, ("Stiffness", stiffness), request);
         }
         let mut level = self.value("Level", f64::from(figures.level));
         for response in slider(ui, "Level", "of the lattice", &mut level, 0.0..=f64::from(LEVELS), false) {
             let request = || Request::Level { level: level.round() as u8 };
-            self.turned(&response, ("Level", level), "level", request);
+            self.turned(&response, ("Level", level), request);
         }
         self.follow(ui, figures);
         self.cut(ui, figures);

@@ -38,6 +38,8 @@ pub struct Model {
     /// Of the next handle (mm).
     radius: f64,
     drag: Option<Drag>,
+    /// A slider is held: what it does is one step, called by the first of it.
+    adjusts: bool,
     hovered: Option<Hovered>,
     refused: Option<Refused>,
     spots: Vec<Spot>,
@@ -97,6 +99,7 @@ impl Model {
             first_window: window,
             radius: if largest > 0.0 { largest } else { (0.15 * side).max(f64::MIN_POSITIVE) },
             drag: None,
+            adjusts: false,
             hovered: None,
             refused: None,
             spots: Vec::new(),
@@ -236,16 +239,17 @@ impl Model {
             }
             Request::Grab { pane, at } => self.grab(*pane, *at),
             Request::Drag { to, lock } => self.drag(*to, *lock),
-            Request::Adjust { name } => {
+            Request::Adjust => {
                 self.let_go()?;
-                Ok(self.session.begin(name)?)
+                self.adjusts = true;
+                Ok(())
             }
             Request::Drop => {
                 self.refused = None;
                 self.let_go()
             }
             Request::Abandon => {
-                (self.drag, self.refused) = (None, None);
+                (self.drag, self.adjusts, self.refused) = (None, false, None);
                 if self.session.in_gesture() {
                     let update = self.session.abandon(&self.exec)?;
                     self.show(&update)?;
@@ -306,6 +310,9 @@ impl Model {
 
     /// Applies an event. What can't be followed changes nothing, and the figures say why; only interruption is an error.
     fn apply(&mut self, event: Event) -> Result<(), Error> {
+        if self.adjusts && !self.session.in_gesture() {
+            self.session.begin(event.name())?;
+        }
         let exec = self.in_time();
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(&update),
@@ -391,7 +398,7 @@ impl Model {
 
     /// Lets go of what is held, as it is.
     fn let_go(&mut self) -> Result<(), Error> {
-        self.drag = None;
+        (self.drag, self.adjusts) = (None, false);
         if self.session.in_gesture() {
             self.session.commit()?;
         }

@@ -256,3 +256,20 @@ fn a_handle_that_pulls_stays_one_when_its_force_is_typed() {
     let off: f64 = (0..3).map(|a| (dragged.handles[0].now[a] - pulled.handles[0].now[a]).abs()).sum();
     assert!(off < 1e-6, "it jumps by {off}");
 }
+
+#[test]
+fn a_slider_that_is_held_is_one_step_and_is_called_by_what_it_does() {
+    let mut model = model(BALL);
+    follow(&mut model, &Request::Adjust);
+    for stiffness in [60.0, 70.0, 80.0] {
+        follow(&mut model, &Request::Stiffness { stiffness });
+    }
+    let dropped = follow(&mut model, &Request::Drop);
+    assert_eq!((dropped.stiffness, dropped.undo.as_deref()), (80.0, Some("change the stiffness")));
+    assert!(dropped.unsaved);
+    let undone = follow(&mut model, &Request::Undo);
+    assert_eq!((undone.stiffness, undone.undo, undone.unsaved), (50.0, None, false));
+    // One that is held and not moved is none.
+    follow(&mut model, &Request::Adjust);
+    assert_eq!(follow(&mut model, &Request::Drop).undo, None);
+}

@@ -112,7 +112,7 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
         Subject::open(&loaded, true, &ivd_artefact::Cache::disabled(), &Exec::default(), &Tell::default())
             .unwrap();
     assert_eq!(&subject.volume, ball.session().rest());
-    assert_eq!((subject.settings.level, subject.said.len()), (0, 1));
+    assert_eq!((subject.settings.level, subject.said.len()), (0, 2));
     assert!(subject.transfer.is_some());
     let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
     let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
@@ -149,4 +149,37 @@ fn files_to_be_kept_are_what_is_shown() {
             .volume
     };
     assert_eq!(read("deformed.nii.gz").voxels(), model.session().deformed().voxels());
+}
+
+#[test]
+fn classes_look_otherwise_and_the_scene_says_so() {
+    let by_classes = BALL.replace("[lattice]\niso = 127.5\n", "[segment]\nk = 3\n");
+    let mut model = model(&by_classes.replace("mode = \"iso\"\niso = 127.5\n", ""));
+    let class = model.figures().classes.last().unwrap().clone();
+    let before = model.draw(ivd_frames::Pane::Volume, 1, &Exec::default()).unwrap();
+    let colour = Some("#00ff00".to_owned());
+    let look =
+        |hidden| Request::Class { class: class.id, hidden, opacity: Some(0.5), colour: colour.clone() };
+    model.follow(&look(false)).unwrap();
+    let now = model.figures().classes.last().unwrap().clone();
+    assert_eq!((now.opacity, &*now.colour, now.hidden), (0.5, "#00ff00", false));
+    let green = model.draw(ivd_frames::Pane::Volume, 1, &Exec::default()).unwrap();
+    assert!(green != before);
+    model.follow(&look(true)).unwrap();
+    let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
+    let again = super::common::model(&String::from_utf8(kept.bytes).unwrap());
+    let hidden =
+        |model: &ivd_frames::Model| model.draw(ivd_frames::Pane::Volume, 1, &Exec::default()).unwrap();
+    assert!(hidden(&model) != green);
+    assert_eq!(hidden(&model), {
+        let mut again = again;
+        again.follow(&Request::Resize { size: [128, 128] }).unwrap();
+        hidden(&again)
+    });
+    model.follow(&Request::ResetColours).unwrap();
+    assert!(hidden(&model) == before && !model.figures().unsaved);
+    assert!(model.follow(&Request::Class { class: 999, hidden: true, opacity: None, colour: None }).is_err());
+    let named =
+        model.save(Saved::Scene, &[], &Exec::default()).unwrap().naming(Path::new("a/b.nii")).unwrap();
+    assert!(String::from_utf8(named.bytes).unwrap().contains("file = \"a/b.nii\""));
 }

@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use ivd_core::Exec;
-use ivd_frames::{Error, Frame, Model, Output, Pane, Request, Saved, Service, Tell};
+use ivd_frames::{Begun, Error, Frame, Model, Output, Pane, Request, Saved, Service, Source, Subject, Tell};
 
 use super::common::{BALL, model};
 
@@ -92,4 +92,66 @@ fn what_cannot_be_opened_says_so_and_ends() {
     );
     service.ask(1, Request::Undo);
     drop(service);
+}
+
+#[test]
+fn slices_are_shown_and_moved_before_there_is_a_model() {
+    let (sender, outputs) = channel();
+    let (go, wait) = channel::<()>();
+    let open = move |tell: &Tell| {
+        let model = model(BALL);
+        tell.stage("import");
+        tell.scan(model.session().rest());
+        wait.recv_timeout(LONG).unwrap();
+        Ok(model)
+    };
+    let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    let scan = |holds: &dyn Fn(&ivd_frames::Scan) -> bool| loop {
+        match outputs.recv_timeout(LONG).unwrap() {
+            Output::Scan(scan) if holds(&scan) => return scan,
+            Output::Frame(_) => panic!("it isn't opened yet"),
+            _ => {}
+        }
+    };
+    let first = scan(&|_| true);
+    assert_eq!((first.pictures[0].image.width(), first.slices[1].slice), (32, 16));
+    service.ask(1, Request::Slice { pane: Pane::Coronal, steps: 4 });
+    // What slices can't follow waits.
+    service.ask(1, Request::Orbit { by: [0.1, 0.0] });
+    let moved = scan(&|scan| scan.slices[1].slice == 20);
+    assert!(moved.pictures[1].image != first.pictures[1].image);
+    assert!(Arc::ptr_eq(&moved.pictures[0], &first.pictures[0]), "what is still right isn't drawn anew");
+    go.send(()).unwrap();
+    let shown = frame(&outputs, |frame| frame.figures.angles != [0.0, 0.0]);
+    assert_eq!(shown.figures.slices[1].slice, 20, "where they were left");
+    assert_eq!(shown.pictures[2].image, moved.pictures[1].image);
+}
+
+#[test]
+fn a_log_is_opened_again_with_its_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let (service, outputs) = service();
+    service.ask(1, Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] });
+    let before = frame(&outputs, |frame| !frame.figures.handles.is_empty());
+    service.ask(1, Request::Save { what: Saved::Log });
+    let kept = loop {
+        if let Output::File(_, file) = outputs.recv_timeout(LONG).unwrap() {
+            break file;
+        }
+    };
+    let file = folder.path().join(kept.name);
+    std::fs::write(&file, &kept.bytes).unwrap();
+    let opened = Source { file: Some(file), ..Source::default() }.read().unwrap();
+    assert_eq!(opened.entries.len(), 1);
+    let exec = Exec::default();
+    let cache = ivd_artefact::Cache::disabled();
+    let subject = Subject::open(&opened.loaded, opened.is_bare, &cache, &exec, &Tell::default()).unwrap();
+    let begun = Begun { entries: opened.entries, ..Model::new(subject, [128, 128], exec).unwrap().into() };
+    let (sender, outputs) = channel();
+    let again =
+        Service::start(move |_| Ok(begun), Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    let after = frame(&outputs, |_| true);
+    assert_eq!(after.figures.handles, before.figures.handles);
+    assert_eq!(after.figures.undo.as_deref(), Some("add a handle"));
+    drop(again);
 }

@@ -8,10 +8,13 @@ use egui_kittest::kittest::{AccessKitNode, NodeT as _};
 
 use super::common::Here;
 
-/// Words that say what is shown just now aren't parts of the window.
+/// What holds parts, and words that say what is shown just now, are none themselves.
 fn is_part(node: &AccessKitNode<'_>) -> bool {
-    !matches!(node.role(), Role::Label | Role::GenericContainer | Role::Window | Role::TextRun | Role::Unknown)
-        && !node.is_hidden()
+    let contains = matches!(
+        node.role(),
+        Role::GenericContainer | Role::Menu | Role::Pane | Role::ScrollView | Role::Window | Role::Unknown
+    );
+    !contains && !matches!(node.role(), Role::Label | Role::TextRun) && !node.is_hidden()
 }
 
 /// Roles and names of what hands can reach.

@@ -21,7 +21,8 @@ fn what_cannot_be_opened_is_told_with_what_to_do() {
     here.press("All right");
     assert!(here.has("Drop a scan or a scene here"));
     let missing = here.folder.path().join("missing.nii");
-    let mut here = Here::new(here.folder.clone(), Some(Source { file: Some(missing), ..Source::default() }), None);
+    let mut here =
+        Here::new(here.folder.clone(), Some(Source { file: Some(missing), ..Source::default() }), None);
     here.until("why not", |here| here.has("This can't be opened"));
     assert!(here.has("missing.nii"));
 }
@@ -40,11 +41,16 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     };
     let file = folder.path().join("scan.nii.gz");
     ivd_pipeline::export(&artefact, &file, &ivd_core::Exec::default()).unwrap();
-    let overrides = vec!["lattice.iso=127.5".parse().unwrap()];
+    let overrides = vec!["segment.k=3".parse().unwrap()];
     let mut here = Here::new(folder, Some(Source { file: Some(file), overrides, input: None }), None);
     here.settle();
-    assert!(here.has("chosen: level"));
-    assert!(here.harness.query_by_label("Class 1").is_some(), "a class can be hidden");
+    for chosen in ["chosen: the part", "chosen: the material", "chosen: level"] {
+        assert!(here.has(chosen), "{chosen}");
+    }
+    let class = here.figures().classes.first().unwrap().clone();
+    assert!(!class.hidden);
+    here.press(&format!("Class {}", class.id));
+    here.told("it is hidden", |told| told.classes[0].hidden && told.unsaved);
 }
 
 #[test]

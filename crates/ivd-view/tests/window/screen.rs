@@ -79,7 +79,10 @@ impl Screen {
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                     view: &view,
                     resolve_target: None,
-                    ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                        store: wgpu::StoreOp::Store,
+                    },
                     depth_slice: None,
                 })],
                 ..wgpu::RenderPassDescriptor::default()
@@ -96,7 +99,12 @@ impl Screen {
 }
 
 /// The bytes of a texture.
-fn read(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Texture, [width, height]: [u32; 2]) -> Vec<u8> {
+fn read(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    texture: &wgpu::Texture,
+    [width, height]: [u32; 2],
+) -> Vec<u8> {
     let row = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
