@@ -61,6 +61,10 @@ page *args="":
 serve *args="":
     cargo run --release -- serve {{args}}
 
+# The same in a window.
+view *args="":
+    cargo run --release -p ivd-view -- {{args}}
+
 # Every output of every recipe opened by other programs' readers; and each figure of the reports of all scenes found in --json (pages under target/reports).
 readers:
     cargo build --release

@@ -206,6 +206,18 @@ fn whoever_embeds_a_stage_brings_nothing_that_reads_files() {
 }
 
 #[test]
+fn the_program_has_no_window_unless_one_is_asked_for() {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let tree = ["tree", "--offline", "--edges", "normal", "--prefix", "none", "--package", "ivd-cli"];
+    let told = std::process::Command::new(cargo).args(tree).current_dir(root()).output().unwrap();
+    let text = String::from_utf8_lossy(&told.stdout).into_owned();
+    assert!(told.status.success() && text.starts_with("ivd-cli"), "{}", String::from_utf8_lossy(&told.stderr));
+    let of_windows = |krate: &str| ["ivd-view", "eframe", "egui", "winit"].contains(&krate);
+    let brought: Vec<&str> = text.lines().filter_map(|line| line.split(' ').next()).filter(|k| of_windows(k)).collect();
+    assert!(brought.is_empty(), "{brought:?}");
+}
+
+#[test]
 fn only_the_crates_of_files_touch_files() {
     for (path, text) in sources(".rs") {
         let name = crate_of(&path);

@@ -23,6 +23,7 @@ use Otherwise::{Not, With};
 const OTHERWISE: &[(&str, Otherwise, &str)] = &[
     ("cargo test", Not, "this is it"),
     ("cargo install", Not, "it installs another program"),
+    ("cargo run --release -p ivd-view", Not, "it opens a window; ivd-view tests it without one"),
     ("just test", Not, "this is it"),
     ("just check", Not, "it compiles everything again; CI does"),
     ("just doc", Not, "it compiles everything again; CI does"),
