@@ -211,9 +211,14 @@ fn the_program_has_no_window_unless_one_is_asked_for() {
     let tree = ["tree", "--offline", "--edges", "normal", "--prefix", "none", "--package", "ivd-cli"];
     let told = std::process::Command::new(cargo).args(tree).current_dir(root()).output().unwrap();
     let text = String::from_utf8_lossy(&told.stdout).into_owned();
-    assert!(told.status.success() && text.starts_with("ivd-cli"), "{}", String::from_utf8_lossy(&told.stderr));
+    assert!(
+        told.status.success() && text.starts_with("ivd-cli"),
+        "{}",
+        String::from_utf8_lossy(&told.stderr)
+    );
     let of_windows = |krate: &str| ["ivd-view", "eframe", "egui", "winit"].contains(&krate);
-    let brought: Vec<&str> = text.lines().filter_map(|line| line.split(' ').next()).filter(|k| of_windows(k)).collect();
+    let brought: Vec<&str> =
+        text.lines().filter_map(|line| line.split(' ').next()).filter(|k| of_windows(k)).collect();
     assert!(brought.is_empty(), "{brought:?}");
 }
 

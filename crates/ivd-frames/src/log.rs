@@ -27,12 +27,12 @@ pub struct Log {
 /// The first line.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Begins {
-    begins: Scene,
+struct Head {
+    begins: Beginning,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
-struct Scene {
+struct Beginning {
     scene: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     of: Option<PathBuf>,
@@ -43,17 +43,17 @@ struct Scene {
 impl Log {
     /// The first line of a log, without its end.
     pub fn head(scene: &str) -> String {
-        let begins = Begins { begins: Scene { scene: scene.to_owned(), of: None, scan: None } };
+        let begins = Head { begins: Beginning { scene: scene.to_owned(), of: None, scan: None } };
         serde_json::to_string(&begins).unwrap_or_default()
     }
 
     /// A first line that says what the log is of.
     pub fn told_of(head: &str, of: Option<&Path>, scan: Option<&Path>) -> String {
-        let Ok(Begins { begins: Scene { scene, .. } }) = serde_json::from_str(head) else {
+        let Ok(Head { begins: Beginning { scene, .. } }) = serde_json::from_str(head) else {
             return head.to_owned();
         };
         let [of, scan] = [of, scan].map(|path| path.map(Path::to_owned));
-        serde_json::to_string(&Begins { begins: Scene { scene, of, scan } }).unwrap_or_default()
+        serde_json::to_string(&Head { begins: Beginning { scene, of, scan } }).unwrap_or_default()
     }
 
     /// Reads a log. A last line without an end is one that was never written whole, and is left out.
@@ -82,7 +82,7 @@ impl Log {
     fn parse(text: &str) -> Result<Self, String> {
         let mut lines = (1..).zip(text.split_inclusive('\n'));
         let (_, first) = lines.next().ok_or("it is empty")?;
-        let Scene { scene, of, scan } = begun(first)?;
+        let Beginning { scene, of, scan } = begun(first)?;
         let mut entries = Vec::new();
         for (number, line) in lines {
             match serde_json::from_str(line) {
@@ -96,8 +96,8 @@ impl Log {
 }
 
 /// What a first line says.
-fn begun(head: &str) -> Result<Scene, String> {
-    let begins: Result<Begins, _> = serde_json::from_str(head);
+fn begun(head: &str) -> Result<Beginning, String> {
+    let begins: Result<Head, _> = serde_json::from_str(head);
     begins.map(|begins| begins.begins).map_err(|error| {
         format!("line 1 doesn't say what scene it began with ({error}); take one that `ivd view` or `ivd serve` kept")
     })

@@ -14,13 +14,16 @@ use crate::{Error, Model, Pane, Picture, Request};
 
 /// Tells a window what goes on while something is opened. The default tells nobody.
 #[derive(Clone, Default)]
-pub struct Tell(Option<(Arc<Mutex<VecDeque<Told>>>, Arc<Queue>)>);
+pub struct Tell(Option<(Arc<Waiting>, Arc<Queue>)>);
+
+/// What was told and nobody has heard yet.
+type Waiting = Mutex<VecDeque<Told>>;
 
 /// Something that was told.
 pub(crate) enum Told {
     Stage(&'static str),
     Note(String),
-    Scan(Volume),
+    Scan(Box<Volume>),
     /// There will be no more.
     Done,
 }
@@ -42,7 +45,7 @@ impl Tell {
 
     /// The scan is read.
     pub fn scan(&self, volume: &Volume) {
-        self.push(Told::Scan(volume.clone()));
+        self.push(Told::Scan(Box::new(volume.clone())));
     }
 
     fn push(&self, told: Told) {

@@ -299,7 +299,7 @@ impl<P: FnMut(Output)> Worker<P> {
                     Told::Done => return Ok(false),
                     Told::Stage(name) => (self.publish)(Output::Stage(name)),
                     Told::Note(text) => (self.publish)(Output::Note(text)),
-                    Told::Scan(volume) => *slices = Some(Slices::new(volume)),
+                    Told::Scan(volume) => *slices = Some(Slices::new(*volume)),
                 }
             }
             if let Some(slices) = slices {

@@ -96,7 +96,7 @@ impl Window {
             self.close(ui.ctx());
         }
         if item(ui, true, "Quit", Some(&keys::QUIT)) {
-            self.quit(ui.ctx());
+            quit(ui.ctx());
         }
     }
 
@@ -150,11 +150,11 @@ impl Window {
                 Layout { size: self.layout.size, folder: self.layout.folder.take(), ..Layout::default() };
         }
     }
+}
 
-    /// Ends the window, after what would be lost was asked about.
-    pub(crate) fn quit(&mut self, context: &Context) {
-        context.send_viewport_cmd(eframe::egui::ViewportCommand::Close);
-    }
+/// Ends the window; what would be lost is asked about first.
+pub(crate) fn quit(context: &Context) {
+    context.send_viewport_cmd(eframe::egui::ViewportCommand::Close);
 }
 
 /// What a tool does.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use eframe::egui::{Context, Grid, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
+use eframe::egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
 use ivd_frames::{KEYS, Request, Saved, Source};
 
 use crate::journal::Left;
@@ -50,7 +50,7 @@ impl Window {
     /// Shows what is asked, if anything is, and does what is answered.
     pub(crate) fn dialogs(&mut self, context: &Context) {
         let Some(mut dialog) = self.dialog.take() else { return };
-        let response = Modal::new(Id::unique("dialog")).show(context, |ui| {
+        let response = Modal::new(Id::unique(("dialog", dialog.number()))).show(context, |ui| {
             ui.set_width(ui.ctx().content_rect().width().min(460.0) - 20.0);
             dialog.show(ui)
         });
@@ -67,7 +67,7 @@ impl Window {
         match dialog {
             Dialog::Open { path } => self.open(source(Path::new(path.trim())), context),
             Dialog::Keep { what, path, replace } => {
-                self.keep(what, PathBuf::from(path.trim()), replace, context)
+                self.keep(what, PathBuf::from(path.trim()), replace, context);
             }
             Dialog::Unsaved(then) => {
                 self.ask_where_to_keep(Saved::Scene);
@@ -150,6 +150,18 @@ impl Window {
 }
 
 impl Dialog {
+    /// Tells dialogs apart: what had the keys in one has them in no other.
+    fn number(&self) -> u8 {
+        match self {
+            Self::Open { .. } => 0,
+            Self::Keep { replace, .. } => 1 + u8::from(*replace),
+            Self::Unsaved(_) => 3,
+            Self::Recover { .. } => 4,
+            Self::Keys => 5,
+            Self::Problem { .. } => 6,
+        }
+    }
+
     fn show(&mut self, ui: &mut Ui) -> Answer {
         match self {
             Self::Open { path } => {
@@ -178,13 +190,10 @@ impl Dialog {
             Self::Keys => {
                 ui.heading("What hands and keys do");
                 ScrollArea::vertical().max_height(420.0).show(ui, |ui| {
-                    Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
-                        for (keys, what) in KEYS.iter().chain(&OWN) {
-                            ui.strong(*keys);
-                            ui.add(eframe::egui::Label::new(*what).wrap());
-                            ui.end_row();
-                        }
-                    });
+                    for (keys, what) in KEYS.iter().chain(&OWN) {
+                        ui.strong(*keys);
+                        ui.indent(keys, |ui| ui.label(*what));
+                    }
                 });
                 choice(ui, "Close the list", None)
             }

@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
+use eframe::egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};
 use ivd_core::Image;
 use ivd_frames::{File, Saved};
 
@@ -73,7 +73,7 @@ pub(crate) fn screenshot(context: &Context, shared: Shared, path: PathBuf) {
 }
 
 fn png(image: &ColorImage) -> Result<Vec<u8>, String> {
-    let rgba = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+    let rgba = image.pixels.iter().flat_map(Color32::to_array).collect();
     let image = Image::new(image.width(), image.height(), rgba).map_err(|error| error.to_string())?;
     ivd_pipeline::png_bytes(&image).map_err(|error| error.to_string())
 }

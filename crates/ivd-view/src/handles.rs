@@ -29,7 +29,7 @@ impl Window {
         for pin in &figures.pins {
             ui.horizontal(|ui| {
                 if ui.button(format!("Pin {}", pin.id)).on_hover_text("The slices go there").clicked() {
-                    go_to(pin).into_iter().for_each(|request| self.ask(request));
+                    self.ask_all(go_to(pin));
                 }
                 ui.weak(format!("{:.1} mm about {}", pin.radius, place(pin.rest)));
                 let release = ui.button("×").accessible_name(format!("Release pin {}", pin.id));
@@ -50,7 +50,7 @@ impl Window {
                 match read(&self.place) {
                     Some(place) => self.ask(Request::Add { place, by: [0.0; 3] }),
                     None => {
-                        self.complain("A place is three numbers, x, y, z, in mm: 10, -4.5, 32.".to_owned())
+                        self.complain("A place is three numbers, x, y, z, in mm: 10, -4.5, 32.".to_owned());
                     }
                 }
             }
@@ -77,7 +77,7 @@ impl Window {
         let go =
             ui.add(Button::new(id.to_string()).selected(held)).accessible_name(format!("Go to handle {id}"));
         if go.on_hover_text("The slices go there").clicked() {
-            go_to(one).into_iter().for_each(|request| self.ask(request));
+            self.ask_all(go_to(one));
         }
         let pulls = one.with.is_some();
         let unit = if pulls { "mN" } else { "mm from rest" };

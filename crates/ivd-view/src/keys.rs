@@ -4,6 +4,7 @@ use eframe::egui::{Context, Key, KeyboardShortcut, Modifiers};
 use ivd_frames::{Axis, Request, Saved, Tool};
 use ivd_render::Side;
 
+use crate::bar::quit;
 use crate::dialogs::Dialog;
 use crate::window::Window;
 
@@ -36,7 +37,8 @@ impl Window {
         }
         // Given up whatever else has the keys.
         if self.hands.pane().is_some() && pressed(Key::Escape) {
-            self.hands.give_up().into_iter().for_each(|request| self.ask(request));
+            let asked = self.hands.give_up();
+            self.ask_all(asked);
         }
         let shortcut = |keys: &KeyboardShortcut| context.input_mut(|input| input.consume_shortcut(keys));
         if shortcut(&OPEN) {
@@ -46,7 +48,7 @@ impl Window {
             self.ask_where_to_keep(Saved::Scene);
         }
         if shortcut(&QUIT) {
-            self.quit(context);
+            quit(context);
         }
         if context.text_edit_focused() {
             return;

@@ -42,10 +42,8 @@ impl Over<'_> {
     /// Writes something, dark around it: pictures are light and dark.
     fn write(&self, at: Pos2, align: Align2, text: impl ToString, size: f32, colour: Color32) {
         let font = FontId::proportional(size);
-        for off in [vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(1.0, -1.0), vec2(-1.0, -1.0)] {
-            let dark = Color32::BLACK.gamma_multiply(0.6);
-            self.painter.text(at + off, align, text.to_string(), font.clone(), dark);
-        }
+        let dark = Color32::BLACK.gamma_multiply(0.8 * f32::from(colour.a()) / 255.0);
+        self.painter.text(at + vec2(1.0, 1.0), align, text.to_string(), font.clone(), dark);
         self.painter.text(at, align, text, font, colour);
     }
 

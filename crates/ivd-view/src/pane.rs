@@ -125,7 +125,7 @@ impl Window {
                     response.request_focus();
                     let asked =
                         self.hands.pressed(pane, share(room, pos), button, modifiers.shift, self.tool);
-                    asked.into_iter().for_each(|request| self.ask(request));
+                    self.ask_all(asked);
                 }
                 Event::PointerButton { button, pressed: false, .. } => {
                     let Some(button) = button_of(button) else { continue };
@@ -134,12 +134,13 @@ impl Window {
                         figures.handles.iter().find(|one| figures.held == Some(one.id)).cloned()
                     });
                     let asked = self.hands.released(button, held.as_ref());
-                    asked.into_iter().for_each(|request| self.ask(request));
+                    self.ask_all(asked);
                 }
                 Event::PointerMoved(pos) => {
                     let at = share(room, pos);
                     if self.hands.pane() == Some(pane) {
-                        self.hands.moved(at).into_iter().for_each(|request| self.ask(request));
+                        let asked = self.hands.moved(at);
+                        self.ask_all(asked);
                     } else if self.hands.pane().is_none() && at.iter().all(|c| (0.0..=1.0).contains(c)) {
                         hovered = Some(Request::Hover { pane, at });
                     }
@@ -154,7 +155,7 @@ impl Window {
                     let Some(at) = latest.map(|pos| share(room, pos)) else { continue };
                     let on_handle = self.shown.hovered().is_some_and(|hovered| hovered.handle.is_some());
                     let asked = self.hands.wheel(pane, at, points, self.tool, on_handle);
-                    asked.into_iter().for_each(|request| self.ask(request));
+                    self.ask_all(asked);
                 }
                 Event::Zoom(factor) if here && pane == Pane::Volume => {
                     let Some(at) = latest.map(|pos| share(room, pos)) else { continue };
@@ -163,7 +164,7 @@ impl Window {
                 _ => {}
             }
         }
-        hovered.into_iter().for_each(|request| self.ask(request));
+        self.ask_all(hovered);
     }
 }
 

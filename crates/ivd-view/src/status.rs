@@ -1,18 +1,28 @@
 //! The line at the bottom: what lies under the pointer, what the last motion came to, what it took; and how opening goes on.
 
+use std::time::Duration;
+
 use eframe::egui::{Align, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
 use ivd_frames::{Figures, NOTICE};
 
 use crate::window::Window;
 
+/// What comes within so long needs no word.
+const SOON: Duration = Duration::from_millis(300);
+
 impl Window {
     /// Shows the line.
     pub(crate) fn status(&mut self, ui: &mut Ui) {
+        let waited = self.asked.filter(|_| self.shown.figures().is_some()).map(|since| since.elapsed());
+        if waited.is_some_and(|waited| waited < SOON) {
+            ui.ctx().request_repaint_after(SOON);
+        }
+        let works = waited.filter(|waited| *waited >= SOON).map(|_| "working …".to_owned());
         ui.horizontal(|ui| {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                    let text = [self.under_the_pointer(), self.shown.figures().map(told)];
+                    let text = [works, self.under_the_pointer(), self.shown.figures().map(told)];
                     let text: Vec<String> = text.into_iter().flatten().collect();
                     let text = if text.is_empty() { self.goes_on() } else { text.join(" · ") };
                     ui.add(eframe::egui::Label::new(text).truncate());

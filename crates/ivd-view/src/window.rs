@@ -1,16 +1,12 @@
-use std::path::Path;
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::time::Instant;
 
-use eframe::egui::{
-    Align2, Area, CentralPanel, Color32, Context, Frame, Id, Margin, Order, Panel, Ui, ViewportCommand, vec2,
-};
-use ivd_core::{Classified as _, ErrorClass};
-use ivd_frames::{Pane, Request, Saved, Source, Tool};
+use eframe::egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui};
+use ivd_frames::{Pane, Request, Source, Tool};
 
 use crate::dialogs::{Dialog, Then};
 use crate::files;
 use crate::gestures::Hands;
-use crate::journal::{Left, left_over};
 use crate::layout::Layout;
 use crate::pane::places;
 use crate::run::Options;
@@ -21,10 +17,6 @@ use crate::work::Work;
 const MOST_PIXELS: f32 = 512.0 * 512.0;
 /// A pane has its new size for so long before the volume is drawn in it (s).
 const SETTLED: f64 = 0.15;
-/// A problem is told for so long (s).
-const TOLD: f64 = 8.0;
-const PROBLEM: Color32 = Color32::from_rgb(91, 52, 19);
-const PROBLEM_TEXT: Color32 = Color32::from_rgb(255, 231, 207);
 
 /// The window: shows frames, sends what hands do.
 pub struct Window {
@@ -42,15 +34,17 @@ pub struct Window {
     /// Of a new handle, as it is typed.
     pub(crate) place: String,
     /// Where a picture of the window goes, and from which pass on it is taken.
-    pub(crate) photograph: Option<(std::path::PathBuf, u64)>,
+    pub(crate) photograph: Option<(PathBuf, u64)>,
     pub(crate) notes: Vec<String>,
-    complaint: Option<(String, Option<f64>)>,
+    /// Since when an answer is waited for.
+    pub(crate) asked: Option<Instant>,
+    pub(crate) complaint: Option<(String, Option<f64>)>,
     /// To be opened as soon as there is a window.
     first: Option<Source>,
     /// Size that the volume's pane asks for, since when, and whether it was asked for.
-    size: ([usize; 2], f64, bool),
+    pub(crate) size: ([usize; 2], f64, bool),
     /// The scene was made but could not be written.
-    lost: bool,
+    pub(crate) lost: bool,
 }
 
 impl Window {
@@ -70,6 +64,7 @@ impl Window {
             place: String::new(),
             photograph: None,
             notes: Vec::new(),
+            asked: None,
             complaint: None,
             first,
             size: ([0; 2], 0.0, true),
@@ -152,203 +147,17 @@ impl Window {
     }
 
     /// Asks the service.
-    pub(crate) fn ask(&self, request: Request) {
+    pub(crate) fn ask(&mut self, request: Request) {
         if let Some(work) = &self.work {
             work.ask(request);
+            self.asked.get_or_insert_with(Instant::now);
         }
     }
 
-    /// Opens something, after what would be lost was asked about.
-    pub(crate) fn open(&mut self, source: Source, context: &Context) {
-        if self.is_unsaved() {
-            self.dialog = Some(Dialog::Unsaved(Then::Open(source)));
-            return;
-        }
-        if let Some(work) = self.work.take() {
-            work.close();
-        }
-        self.clear();
-        let of =
-            source.file.as_deref().map(|file| std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
-        let folder = self.options.folder.as_deref();
-        let left = folder.map(left_over).unwrap_or_default().into_iter().find(|left| left.of == of);
-        match left {
-            Some(left) => self.dialog = Some(Dialog::Recover { left, source }),
-            None => self.begin(&source, None, context),
-        }
-    }
-
-    /// Opens something in the background.
-    pub(crate) fn begin(&mut self, source: &Source, left: Option<Left>, context: &Context) {
-        match Work::open(source, left, &self.options, context) {
-            Ok(work) => {
-                context.send_viewport_cmd(ViewportCommand::Title(format!("{} — IVD", work.name())));
-                let folder = source.file.as_deref().and_then(Path::parent).filter(|folder| folder.is_dir());
-                if work.of.is_some() && work.scan.is_some() {
-                    self.layout.folder = folder.map(Path::to_owned).or(self.layout.folder.take());
-                }
-                self.work = Some(work);
-            }
-            Err(error) => self.failed("This can't be opened", &error.to_string()),
-        }
-    }
-
-    /// Closes what is open, after what would be lost was asked about.
-    pub(crate) fn close(&mut self, context: &Context) {
-        if self.is_unsaved() {
-            self.dialog = Some(Dialog::Unsaved(Then::Close));
-        } else {
-            self.then(Then::Close, context);
-        }
-    }
-
-    /// Nothing is shown.
-    pub(crate) fn clear(&mut self) {
-        (self.shown, self.hands) = (Shown::default(), Hands::default());
-        (self.turning, self.complaint, self.waits) = (None, None, None);
-        self.notes.clear();
-        self.size = ([0; 2], 0.0, true);
-        self.lost = false;
-    }
-
-    /// Whether something would be lost.
-    pub(crate) fn is_unsaved(&self) -> bool {
-        let figures = self.shown.figures();
-        self.work.is_some() && figures.is_some_and(|figures| figures.unsaved || self.lost)
-    }
-
-    fn failed(&mut self, title: &'static str, text: &str) {
-        self.dialog = Some(Dialog::Problem { title, text: text.to_owned() });
-    }
-
-    /// Tells that something wasn't done, for a while.
-    pub(crate) fn complain(&mut self, text: String) {
-        self.complaint = Some((text, None));
-    }
-
-    /// Takes what the service gave.
-    fn receive(&mut self, context: &Context) {
-        let Some(work) = &mut self.work else { return };
-        let shared = work.shared.clone();
-        let mut inbox = shared.locked();
-        let (scan, frame, failed) = (inbox.scan.take(), inbox.frame.take(), inbox.failed.take());
-        let (problems, kept) = (std::mem::take(&mut inbox.problems), std::mem::take(&mut inbox.kept));
-        self.notes.extend(inbox.notes.drain(..));
-        drop(inbox);
-        if let Some(scan) = scan {
-            self.shown.scan(scan, context);
-        }
-        if let Some(frame) = frame {
-            work.went_on();
-            self.shown.frame(frame, context);
-        }
-        for problem in problems {
-            // What was to be kept and isn't comes no more.
-            shared.keeping.forget();
-            self.waits = None;
-            self.complain(problem);
-        }
-        for (what, kept) in kept {
-            self.kept(what, kept, context);
-        }
-        if let Some(error) = failed {
-            self.ended(&error);
-        }
-    }
-
-    fn kept(&mut self, what: Option<Saved>, kept: Result<String, String>, context: &Context) {
-        let is_scene = what == Some(Saved::Scene);
-        self.lost = (self.lost && !is_scene) || (is_scene && kept.is_err());
-        match kept {
-            Ok(place) => {
-                self.notes.push(format!("written: {place}"));
-                self.complain(format!("Written: {place}"));
-                if let Some(then) = self.waits.take().filter(|_| is_scene) {
-                    self.then(then, context);
-                }
-            }
-            Err(problem) => {
-                self.waits = None;
-                self.failed("This could not be written", &problem);
-            }
-        }
-    }
-
-    /// The service has ended.
-    fn ended(&mut self, error: &Arc<ivd_frames::Error>) {
-        let had_frames = self.shown.figures().is_some();
-        let left = self.work.take();
-        self.clear();
-        if error.error_class() == ErrorClass::Cancelled {
-            if let Some(work) = left {
-                work.close();
-            }
-            self.complain("Opening was stopped.".to_owned());
-        } else if had_frames {
-            // Its log stays.
-            drop(left);
-            self.failed(
-                "The session has ended",
-                &format!("{error}. Open it once more to go on from its last step."),
-            );
-        } else {
-            if let Some(work) = left {
-                work.close();
-            }
-            self.failed("This can't be opened", &error.to_string());
-        }
-    }
-
-    /// Opens what is dropped into the window.
-    fn dropped(&mut self, context: &Context) {
-        let (dropped, hovers) =
-            context.input(|input| (input.raw.dropped_files.clone(), !input.raw.hovered_files.is_empty()));
-        if let Some(file) = dropped.first() {
-            self.open(Source { file: Some(file.path().to_owned()), ..Source::default() }, context);
-        }
-        if hovers {
-            self.complaint = Some(("Let go to open it.".to_owned(), Some(context.input(|i| i.time) + 0.3)));
-            context.request_repaint_after_secs(0.3);
-        }
-    }
-
-    /// Tells what wasn't done and why, over the pictures: nothing changes its size.
-    fn complaints(&mut self, context: &Context) {
-        let now = context.input(|input| input.time);
-        if let Some((_, until)) = &mut self.complaint {
-            let until = *until.get_or_insert(now + TOLD);
-            if now >= until {
-                self.complaint = None;
-            } else {
-                context.request_repaint_after_secs((until - now) as f32);
-            }
-        }
-        let refused = self.shown.figures().and_then(|figures| figures.refused.as_ref()).map(|refused| {
-            if refused.ahead_mm > 0.0 {
-                return format!("The hand is {:.1} mm ahead: {}", refused.ahead_mm, refused.why);
-            }
-            refused.why.clone()
-        });
-        let Some(text) = refused.or_else(|| self.complaint.as_ref().map(|(text, _)| text.clone())) else {
-            return;
-        };
-        let area = Area::new(Id::unique("problem")).order(Order::Middle).interactable(false);
-        area.anchor(Align2::CENTER_TOP, vec2(0.0, 34.0)).show(context, |ui| {
-            Frame::new().fill(PROBLEM).inner_margin(Margin::symmetric(10, 5)).show(ui, |ui| {
-                ui.set_max_width(0.7 * ui.ctx().content_rect().width());
-                ui.colored_label(PROBLEM_TEXT, text);
-            });
-        });
-    }
-
-    /// Asks before the window is closed with what would be lost.
-    fn closing(&mut self, context: &Context) {
-        if !context.input(|input| input.viewport().close_requested()) {
-            return;
-        }
-        if self.is_unsaved() {
-            context.send_viewport_cmd(ViewportCommand::CancelClose);
-            self.dialog = Some(Dialog::Unsaved(Then::Quit));
+    /// Asks the service for all of it, in its order.
+    pub(crate) fn ask_all(&mut self, requests: impl IntoIterator<Item = Request>) {
+        for request in requests {
+            self.ask(request);
         }
     }
 

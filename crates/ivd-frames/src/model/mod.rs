@@ -286,13 +286,13 @@ impl Model {
                 self.let_go()?;
                 let exec = self.in_time();
                 let undone = self.session.undo(&exec);
-                self.gone(undone)
+                self.gone(undone, &exec)
             }
             Request::Redo => {
                 self.let_go()?;
                 let exec = self.in_time();
                 let redone = self.session.redo(&exec);
-                self.gone(redone)
+                self.gone(redone, &exec)
             }
             Request::Reset => {
                 self.let_go()?;
@@ -316,16 +316,16 @@ impl Model {
         let exec = self.in_time();
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(&update),
-            Err(error) => self.refuse(error),
+            Err(error) => self.refuse(error, &exec),
         }
     }
 
     /// Shows what a step back or forth came to, if there was one.
-    fn gone(&mut self, gone: Result<Option<Update>, ivd_session::Error>) -> Result<(), Error> {
+    fn gone(&mut self, gone: Result<Option<Update>, ivd_session::Error>, exec: &Exec) -> Result<(), Error> {
         match gone {
             Ok(Some(update)) => self.show(&update),
             Ok(None) => Ok(()),
-            Err(error) => self.refuse(error),
+            Err(error) => self.refuse(error, exec),
         }
     }
 
@@ -335,11 +335,19 @@ impl Model {
     }
 
     /// Tells why something wasn't followed.
-    fn refuse(&mut self, error: ivd_session::Error) -> Result<(), Error> {
+    fn refuse(&mut self, error: ivd_session::Error, exec: &Exec) -> Result<(), Error> {
         if error.error_class() == ErrorClass::Cancelled {
             return Err(error.into());
         }
-        self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
+        let why = if exec.cancel.is_late() {
+            let most = MOST_WORK.as_secs();
+            format!(
+                "it would take more than {most} s; make the radius smaller, or the lattice coarser by a higher level"
+            )
+        } else {
+            error.to_string()
+        };
+        self.refused = Some(Refused { why, ahead_mm: self.ahead() });
         Ok(())
     }
 

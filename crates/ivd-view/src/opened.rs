@@ -1,0 +1,99 @@
+//! What is opened and closed, and what would be lost by it.
+
+use std::path::Path;
+
+use eframe::egui::{Context, ViewportCommand};
+use ivd_frames::Source;
+
+use crate::dialogs::{Dialog, Then};
+use crate::gestures::Hands;
+use crate::journal::{Left, left_over};
+use crate::shown::Shown;
+use crate::window::Window;
+use crate::work::Work;
+
+impl Window {
+    /// Opens something, after what would be lost was asked about.
+    pub(crate) fn open(&mut self, source: Source, context: &Context) {
+        if self.is_unsaved() {
+            self.dialog = Some(Dialog::Unsaved(Then::Open(source)));
+            return;
+        }
+        if let Some(work) = self.work.take() {
+            work.close();
+        }
+        self.clear();
+        let of =
+            source.file.as_deref().map(|file| std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
+        let folder = self.options.folder.as_deref();
+        let left = folder.map(left_over).unwrap_or_default().into_iter().find(|left| left.of == of);
+        match left {
+            Some(left) => self.dialog = Some(Dialog::Recover { left, source }),
+            None => self.begin(&source, None, context),
+        }
+    }
+
+    /// Opens something in the background.
+    pub(crate) fn begin(&mut self, source: &Source, left: Option<Left>, context: &Context) {
+        match Work::open(source, left, &self.options, context) {
+            Ok(work) => {
+                context.send_viewport_cmd(ViewportCommand::Title(format!("{} — IVD", work.name())));
+                let folder = source.file.as_deref().and_then(Path::parent).filter(|folder| folder.is_dir());
+                if work.of.is_some() && work.scan.is_some() {
+                    self.layout.folder = folder.map(Path::to_owned).or(self.layout.folder.take());
+                }
+                self.work = Some(work);
+            }
+            Err(error) => self.failed("This can't be opened", &error.to_string()),
+        }
+    }
+
+    /// Closes what is open, after what would be lost was asked about.
+    pub(crate) fn close(&mut self, context: &Context) {
+        if self.is_unsaved() {
+            self.dialog = Some(Dialog::Unsaved(Then::Close));
+        } else {
+            self.then(Then::Close, context);
+        }
+    }
+
+    /// Nothing is shown.
+    pub(crate) fn clear(&mut self) {
+        (self.shown, self.hands) = (Shown::default(), Hands::default());
+        (self.turning, self.complaint, self.waits) = (None, None, None);
+        self.notes.clear();
+        self.asked = None;
+        self.size = ([0; 2], 0.0, true);
+        self.lost = false;
+    }
+
+    /// Whether something would be lost.
+    pub(crate) fn is_unsaved(&self) -> bool {
+        let figures = self.shown.figures();
+        self.work.is_some() && figures.is_some_and(|figures| figures.unsaved || self.lost)
+    }
+
+    /// Opens what is dropped into the window.
+    pub(crate) fn dropped(&mut self, context: &Context) {
+        let (dropped, hovers) =
+            context.input(|input| (input.raw.dropped_files.clone(), !input.raw.hovered_files.is_empty()));
+        if let Some(file) = dropped.first() {
+            self.open(Source { file: Some(file.path().to_owned()), ..Source::default() }, context);
+        }
+        if hovers {
+            self.complaint = Some(("Let go to open it.".to_owned(), Some(context.input(|i| i.time) + 0.3)));
+            context.request_repaint_after_secs(0.3);
+        }
+    }
+
+    /// Asks before the window is closed with what would be lost.
+    pub(crate) fn closing(&mut self, context: &Context) {
+        if !context.input(|input| input.viewport().close_requested()) {
+            return;
+        }
+        if self.is_unsaved() {
+            context.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.dialog = Some(Dialog::Unsaved(Then::Quit));
+        }
+    }
+}
