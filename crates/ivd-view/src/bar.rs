@@ -1,6 +1,6 @@
 //! The bar at the top: menus, tools, steps.
 
-use eframe::egui::{Button, Context, KeyboardShortcut, MenuBar, Ui};
+use egui::{Button, Context, KeyboardShortcut, MenuBar, Ui};
 use ivd_frames::{Pane, Request, Saved, Tool};
 use ivd_render::Side;
 
@@ -154,7 +154,7 @@ impl Window {
 
 /// Ends the window; what would be lost is asked about first.
 pub(crate) fn quit(context: &Context) {
-    context.send_viewport_cmd(eframe::egui::ViewportCommand::Close);
+    context.send_viewport_cmd(egui::ViewportCommand::Close);
 }
 
 /// What a tool does.

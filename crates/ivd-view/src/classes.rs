@@ -1,6 +1,6 @@
 //! Classes of the transfer function: hidden, recoloured, made translucent.
 
-use eframe::egui::{Slider, Ui};
+use egui::{Slider, Ui};
 use ivd_frames::{Class, Figures, Request};
 
 use crate::window::Window;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use eframe::egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
+use egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
 use ivd_frames::{KEYS, Request, Saved, Source};
 
 use crate::journal::Left;
@@ -126,7 +126,8 @@ impl Window {
     fn offered(&self, name: &str) -> String {
         let scan = self.work.as_ref().and_then(|work| work.scan.as_deref()).and_then(Path::parent);
         let folder = self.layout.folder.as_deref().or(scan);
-        folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name)).display().to_string()
+        let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
+        std::path::absolute(&path).unwrap_or(path).display().to_string()
     }
 
     /// Keeps something there; what is there already is asked about once.
@@ -216,7 +217,7 @@ fn typed(ui: &mut Ui, path: &mut String, name: &str, verb: &str, was_asked: bool
     let mut answer = Answer::None;
     ui.horizontal(|ui| {
         let is_path = !path.trim().is_empty();
-        if (ui.add_enabled(is_path, eframe::egui::Button::new(verb)).clicked() || entered) && is_path {
+        if (ui.add_enabled(is_path, egui::Button::new(verb)).clicked() || entered) && is_path {
             answer = Answer::Do;
         }
         if ui.button("Cancel").clicked() {

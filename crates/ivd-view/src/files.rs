@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use eframe::egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};
+use egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};
 use ivd_core::Image;
 use ivd_frames::{File, Saved};
 

@@ -1,6 +1,6 @@
 //! Handles and pins as a list: what a pointer does, by keyboard.
 
-use eframe::egui::{Button, DragValue, Grid, TextEdit, Ui};
+use egui::{Button, DragValue, Grid, TextEdit, Ui};
 use ivd_frames::{Figures, Pane, Request, Spot};
 
 use crate::gestures::go_to;
@@ -14,9 +14,9 @@ impl Window {
     pub(crate) fn handles(&mut self, ui: &mut Ui, figures: &Figures) {
         ui.heading("Handles");
         self.new_handle(ui, figures);
-        Grid::new("handles").num_columns(5).show(ui, |ui| {
+        Grid::new("handles").num_columns(6).show(ui, |ui| {
             if !figures.handles.is_empty() {
-                for word in ["", "x", "y", "z", ""] {
+                for word in ["", "x", "y", "z", "reach", ""] {
                     ui.weak(word);
                 }
                 ui.end_row();
@@ -45,7 +45,7 @@ impl Window {
         ui.horizontal(|ui| {
             let field = TextEdit::singleline(&mut self.place).hint_text("x, y, z (mm)").desired_width(110.0);
             let field = ui.add(field).accessible_name("Place of a new handle, at rest, mm");
-            let entered = field.lost_focus() && ui.input(|input| input.key_pressed(eframe::egui::Key::Enter));
+            let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             if ui.button("Add").on_hover_text("A handle at that place").clicked() || entered {
                 match read(&self.place) {
                     Some(place) => self.ask(Request::Add { place, by: [0.0; 3] }),
@@ -96,6 +96,11 @@ impl Window {
                 }
             });
         }
+        let full = format!("Handle {id}: radius, mm");
+        let mut radius = self.value(&full, one.radius);
+        let field = DragValue::new(&mut radius).speed(SPEED).max_decimals(1).range(1e-3..=1e6);
+        let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+        self.turned(&field, (&full, radius), || Request::Radius { handle: Some(id), radius });
         let remove = ui.button("×").accessible_name(format!("Remove handle {id}"));
         if remove.on_hover_text("Remove it").clicked() {
             self.ask(Request::Remove { handle: id });

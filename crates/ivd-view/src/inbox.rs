@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use eframe::egui::Context;
+use egui::Context;
 use ivd_core::{Exec, Observer};
 use ivd_frames::{Error, Frame, Output, Saved, Scan};
 

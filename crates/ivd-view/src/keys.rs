@@ -1,6 +1,6 @@
 //! Keys that hold in the whole window.
 
-use eframe::egui::{Context, Key, KeyboardShortcut, Modifiers};
+use egui::{Context, Key, KeyboardShortcut, Modifiers};
 use ivd_frames::{Axis, Request, Saved, Tool};
 use ivd_render::Side;
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use eframe::egui::{Context, ViewportCommand};
+use egui::{Context, ViewportCommand};
 use ivd_frames::Source;
 
 use crate::dialogs::{Dialog, Then};

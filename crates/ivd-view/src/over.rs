@@ -1,6 +1,6 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
-use eframe::egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
 use ivd_frames::{Figures, Pane, Spot, Tool};
 
 use crate::shown::Shown;

@@ -1,7 +1,7 @@
 //! A pane: its picture with what lies over it, and what hands do in it.
 
-use eframe::egui::accesskit::Role;
-use eframe::egui::{
+use egui::accesskit::Role;
+use egui::{
     Color32, Event, EventFilter, Key, MouseWheelUnit, PointerButton, Pos2, Rect, Response, Sense, Ui,
     WidgetInfo, pos2, vec2,
 };
@@ -66,7 +66,7 @@ impl Window {
         Over { painter: &painter, pane, rect, room, shown: &self.shown, tool: self.tool }.draw();
         if response.has_focus() {
             let stroke = ui.visuals().selection.stroke;
-            painter.rect_stroke(rect, 0.0, stroke, eframe::egui::StrokeKind::Inside);
+            painter.rect_stroke(rect, 0.0, stroke, egui::StrokeKind::Inside);
             self.arrows(ui, &response, pane);
         }
         self.pointer(ui, &response, pane, room);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use eframe::egui::{Align2, Area, Color32, Context, Frame, Id, Margin, Order, vec2};
+use egui::{Align2, Area, Color32, Context, Frame, Id, Margin, Order, vec2};
 use ivd_core::{Classified as _, ErrorClass};
 use ivd_frames::Saved;
 

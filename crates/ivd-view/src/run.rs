@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use eframe::egui::{Ui, ViewportBuilder, ViewportCommand};
+use egui::{Ui, ViewportBuilder, ViewportCommand};
 use ivd_artefact::Cache;
 use ivd_core::Exec;
 use ivd_frames::Source;
@@ -73,7 +73,7 @@ pub fn run(options: Options, source: Option<Source>) -> Result<(), Error> {
     let native = eframe::NativeOptions { viewport, ..eframe::NativeOptions::default() };
     let cancel = options.exec.cancel.clone();
     let create = move |creation: &eframe::CreationContext<'_>| {
-        creation.egui_ctx.set_theme(eframe::egui::Theme::Dark);
+        creation.egui_ctx.set_theme(egui::Theme::Dark);
         let context = creation.egui_ctx.clone();
         let watch = move || {
             while !cancel.is_cancelled() {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use eframe::egui::{ColorImage, Context, TextureHandle, TextureOptions};
+use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use ivd_frames::{Figures, Frame, Hovered, Pane, Picture, Scan, Slice};
 
 /// The newest pictures and figures.

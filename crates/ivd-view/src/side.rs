@@ -1,6 +1,6 @@
 //! The panel beside the pictures: what moves and how, classes, what was noted.
 
-use eframe::egui::{CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui};
+use egui::{CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui};
 use ivd_frames::{Figures, MapName, Pane, Request};
 
 use crate::over::name;

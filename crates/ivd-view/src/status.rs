@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use eframe::egui::{Align, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
+use egui::{Align, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
 use ivd_frames::{Figures, NOTICE};
 
 use crate::window::Window;
@@ -25,7 +25,7 @@ impl Window {
                     let text = [works, self.under_the_pointer(), self.shown.figures().map(told)];
                     let text: Vec<String> = text.into_iter().flatten().collect();
                     let text = if text.is_empty() { self.goes_on() } else { text.join(" · ") };
-                    ui.add(eframe::egui::Label::new(text).truncate());
+                    ui.add(egui::Label::new(text).truncate());
                 });
             });
         });

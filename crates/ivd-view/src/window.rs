@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use eframe::egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui};
+use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui};
 use ivd_frames::{Pane, Request, Source, Tool};
 
 use crate::dialogs::{Dialog, Then};
@@ -94,7 +94,7 @@ impl Window {
         Panel::top("bar").show(ui, |ui| self.bar(ui));
         Panel::bottom("status").show(ui, |ui| self.status(ui));
         if self.layout.side && self.work.is_some() {
-            Panel::right("side").default_size(260.0).show(ui, |ui| self.side(ui));
+            Panel::right("side").default_size(290.0).show(ui, |ui| self.side(ui));
         }
         let frame = Frame::new().fill(Color32::from_rgb(22, 24, 28)).inner_margin(Margin::same(2));
         CentralPanel::default().frame(frame).show(ui, |ui| self.pictures(ui));
@@ -130,7 +130,7 @@ impl Window {
     }
 
     /// Asks for a picture of the pane's size once that stays.
-    fn sized(&mut self, context: &Context, pixels: eframe::egui::Vec2) {
+    fn sized(&mut self, context: &Context, pixels: egui::Vec2) {
         let scale = (MOST_PIXELS / (pixels.x * pixels.y).max(1.0)).sqrt().min(1.0);
         let wanted = [pixels.x, pixels.y].map(|side| ((side * scale).round() as usize).clamp(32, 2048));
         let now = context.input(|input| input.time);

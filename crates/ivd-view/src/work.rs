@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use eframe::egui::Context;
+use egui::Context;
 use ivd_core::Cancel;
 use ivd_frames::{Begun, Client, Error, Model, Opened, Request, Service, Source, Subject, Tell};
 

@@ -154,6 +154,8 @@ const USAGE: &[&str] = &[
     "pipeline good.toml --set segment.k=0",
     "pipeline good.toml --max-time 0",
     "pipeline good.toml --max-error -1",
+    "view v.ivd",
+    "view --set lattice.iso=1",
 ];
 
 /// What goes wrong though the words are right.

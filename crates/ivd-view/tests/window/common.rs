@@ -2,7 +2,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use eframe::egui::{Event, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Rect, TouchPhase, vec2};
+use egui::{Event, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Rect, TouchPhase, vec2};
 use egui_kittest::kittest::Queryable as _;
 use egui_kittest::{Harness, TestRenderer};
 use ivd_artefact::Cache;
@@ -142,7 +142,7 @@ impl Here {
 struct Passed(Box<dyn TestRenderer>);
 
 impl TestRenderer for Passed {
-    fn handle_delta(&mut self, delta: &mut eframe::egui::TexturesDelta) {
+    fn handle_delta(&mut self, delta: &mut egui::TexturesDelta) {
         self.0.handle_delta(delta);
     }
 }

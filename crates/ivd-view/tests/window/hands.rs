@@ -1,6 +1,6 @@
 //! By mouse.
 
-use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
 
 use super::common::Here;
 

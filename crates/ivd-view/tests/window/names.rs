@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use eframe::egui::accesskit::Role;
+use egui::accesskit::Role;
 use egui_kittest::kittest::{AccessKitNode, NodeT as _};
 
 use super::common::Here;
@@ -41,7 +41,8 @@ fn every_part_has_a_name_of_its_own() {
     here.told("a handle and a pin", |told| told.handles.len() == 1 && told.pins.len() == 1);
     here.harness.run_ok();
     assert_named(&here);
-    let tree: String = parts(&here).iter().map(|(role, name)| format!("{role:?} {name}\n")).collect();
+    let lines: Vec<String> = parts(&here).iter().map(|(role, name)| format!("{role:?} {name}")).collect();
+    let tree = lines.join("\n") + "\n";
     let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/window/tree.txt");
     if std::env::var_os("IVD_SNAPSHOTS").is_some_and(|word| word == "write") {
         std::fs::write(&file, tree).unwrap();

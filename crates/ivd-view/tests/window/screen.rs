@@ -3,8 +3,8 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use eframe::egui::TexturesDelta;
 use eframe::egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor, wgpu};
+use egui::TexturesDelta;
 use egui_kittest::{Harness, TestRenderer};
 use ivd_view::Window;
 
