@@ -57,8 +57,7 @@ impl Model {
 
     /// The first line of the log: the scene that it began with.
     pub(crate) fn log_head(&self) -> Result<String, Error> {
-        let subject = self.subject();
-        Ok(Log::head(&told(subject.scene_of(&subject.settings)?)?))
+        Ok(Log::head(&told(self.subject().scene.clone())?))
     }
 
     /// The scene that `ivd pipeline` makes the same of as is shown.

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use egui::Context;
 use ivd_core::{Exec, Observer};
@@ -9,6 +10,8 @@ use ivd_frames::{Error, Frame, Output, Saved, Scan};
 
 use crate::files::Keeping;
 
+/// Progress is shown so often.
+const SEEN: Duration = Duration::from_millis(50);
 /// Notes that are kept.
 const NOTES: usize = 50;
 
@@ -21,6 +24,8 @@ pub(crate) struct Inbox {
     pub(crate) stage: Option<&'static str>,
     /// Its share that is done, where that is known.
     pub(crate) done: Option<(u64, u64)>,
+    /// When that was shown last.
+    painted: Option<Instant>,
     pub(crate) notes: VecDeque<String>,
     pub(crate) problems: VecDeque<String>,
     /// What was written where, or why not; nothing for a picture of the window.
@@ -88,10 +93,16 @@ impl Observer for Watch {
     }
 
     fn advance(&self, _task: &'static str, units: u64) {
-        if let Some((done, _)) = &mut self.shared.locked().done {
+        let mut inbox = self.shared.locked();
+        if let Some((done, _)) = &mut inbox.done {
             *done += units;
         }
-        self.shared.context.request_repaint();
+        // Threads tell it far more often than anybody looks.
+        if inbox.painted.is_none_or(|painted| painted.elapsed() >= SEEN) {
+            inbox.painted = Some(Instant::now());
+            drop(inbox);
+            self.shared.context.request_repaint();
+        }
     }
 
     fn end(&self, _task: &'static str) {
