@@ -109,8 +109,8 @@ const COMMANDS: &[(&str, &str)] = &[
 ];
 
 /// Commands of which no object is kept: `demo` prints what `pipeline` does, of a volume that takes a second, and runs with the
-/// README; `schema` is kept as it is; of `bench` every number is a time or comes of one; `serve` tells links that nobody else may know, and runs on.
-const WITHOUT: &[&str] = &["demo", "schema", "bench", "cache", "serve"];
+/// README; `schema` is kept as it is; of `bench` every number is a time or comes of one; `serve` tells links that nobody else may know, and runs on; `view` has no object.
+const WITHOUT: &[&str] = &["demo", "schema", "bench", "cache", "serve", "view"];
 
 const SCENE: &str = "schema = 1
 [input]
