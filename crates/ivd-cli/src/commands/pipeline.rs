@@ -81,7 +81,7 @@ mod tests {
 
     #[test]
     fn the_demo_scene_is_right() {
-        let scene = scene::parse(DEMO, &[]).unwrap();
+        let scene = ivd_frames::demo_scene(&[]).unwrap().scene;
         assert!(scene.output.report);
     }
 }
