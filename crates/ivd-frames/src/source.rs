@@ -77,3 +77,27 @@ fn in_memory(text: &str, file: PathBuf, overrides: &[Override]) -> Result<Loaded
         .map_err(|problem| ivd_pipeline::Error::Scene { file: file.clone(), problem })?;
     Ok(Loaded { scene, folder, file })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_demo_scene_is_right() {
+        let scene = demo_scene(&[]).unwrap().scene;
+        assert!(scene.output.report && scene.asked().is_some());
+    }
+
+    #[test]
+    fn what_is_to_be_opened_is_told_by_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.NII");
+        let scan = Source { file: Some(file.clone()), ..Source::default() }.read().unwrap();
+        assert!(scan.is_bare && scan.loaded.folder == folder.path());
+        let log = folder.path().join("kept.jsonl");
+        std::fs::write(&log, format!("{}\n\"undo\"\n", crate::Log::head(DEMO))).unwrap();
+        let log = Source { file: Some(log), input: Some(file.clone()), ..Source::default() }.read().unwrap();
+        assert!(!log.is_bare && log.entries.len() == 1);
+        assert_eq!((log.loaded.scene.input.file, log.loaded.scene.input.phantom), (Some(file), None));
+    }
+}

@@ -74,14 +74,3 @@ fn text(BudgetedReport { run, budget }: &BudgetedReport, explain: bool) -> Strin
     }
     lines.join("\n")
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_demo_scene_is_right() {
-        let scene = ivd_frames::demo_scene(&[]).unwrap().scene;
-        assert!(scene.output.report);
-    }
-}
