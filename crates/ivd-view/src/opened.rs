@@ -8,6 +8,7 @@ use ivd_frames::Source;
 use crate::dialogs::{Dialog, Then};
 use crate::gestures::Hands;
 use crate::journal::{Left, left_over};
+use crate::received::Word;
 use crate::shown::Shown;
 use crate::window::Window;
 use crate::work::Work;
@@ -60,7 +61,7 @@ impl Window {
     /// Nothing is shown.
     pub(crate) fn clear(&mut self) {
         (self.shown, self.hands) = (Shown::default(), Hands::default());
-        (self.turning, self.complaint, self.waits) = (None, None, None);
+        (self.turning, self.word, self.waits) = (None, None, None);
         self.notes.clear();
         self.asked = None;
         self.size = ([0; 2], 0.0, true);
@@ -81,7 +82,8 @@ impl Window {
             self.open(Source { file: Some(file.path().to_owned()), ..Source::default() }, context);
         }
         if hovers {
-            self.complaint = Some(("Let go to open it.".to_owned(), Some(context.input(|i| i.time) + 0.3)));
+            let until = Some(context.input(|input| input.time) + 0.3);
+            self.word = Some(Word { text: "Let go to open it.".to_owned(), until, is_problem: false });
             context.request_repaint_after_secs(0.3);
         }
     }

@@ -14,6 +14,17 @@ const TOLD: f64 = 8.0;
 const PROBLEM: Color32 = Color32::from_rgb(91, 52, 19);
 const PROBLEM_TEXT: Color32 = Color32::from_rgb(255, 231, 207);
 
+const WORD: Color32 = Color32::from_rgb(28, 58, 44);
+const WORD_TEXT: Color32 = Color32::from_rgb(214, 245, 228);
+
+/// What is told for a while, over the pictures.
+pub(crate) struct Word {
+    pub(crate) text: String,
+    /// Until then, once it was shown (s).
+    pub(crate) until: Option<f64>,
+    pub(crate) is_problem: bool,
+}
+
 impl Window {
     pub(crate) fn failed(&mut self, title: &'static str, text: &str) {
         self.dialog = Some(Dialog::Problem { title, text: text.to_owned() });
@@ -21,7 +32,7 @@ impl Window {
 
     /// Tells that something wasn't done, for a while.
     pub(crate) fn complain(&mut self, text: String) {
-        self.complaint = Some((text, None));
+        self.word = Some(Word { text, until: None, is_problem: true });
     }
 
     /// Takes what the service gave.
@@ -61,7 +72,7 @@ impl Window {
         match kept {
             Ok(place) => {
                 self.notes.push(format!("written: {place}"));
-                self.complain(format!("Written: {place}"));
+                self.word = Some(Word { text: format!("Written: {place}"), until: None, is_problem: false });
                 if let Some(then) = self.waits.take().filter(|_| is_scene) {
                     self.then(then, context);
                 }
@@ -82,7 +93,8 @@ impl Window {
             if let Some(work) = left {
                 work.close();
             }
-            self.complain("Opening was stopped.".to_owned());
+            self.word =
+                Some(Word { text: "Opening was stopped.".to_owned(), until: None, is_problem: false });
         } else if had_frames {
             // Its log stays.
             drop(left);
@@ -98,13 +110,13 @@ impl Window {
         }
     }
 
-    /// Tells what wasn't done and why, over the pictures: nothing changes its size.
-    pub(crate) fn complaints(&mut self, context: &Context) {
+    /// Tells what was done, or why it wasn't, over the pictures: nothing changes its size.
+    pub(crate) fn words(&mut self, context: &Context) {
         let now = context.input(|input| input.time);
-        if let Some((_, until)) = &mut self.complaint {
-            let until = *until.get_or_insert(now + TOLD);
+        if let Some(word) = &mut self.word {
+            let until = *word.until.get_or_insert(now + TOLD);
             if now >= until {
-                self.complaint = None;
+                self.word = None;
             } else {
                 context.request_repaint_after_secs((until - now) as f32);
             }
@@ -115,14 +127,15 @@ impl Window {
             }
             refused.why.clone()
         });
-        let Some(text) = refused.or_else(|| self.complaint.as_ref().map(|(text, _)| text.clone())) else {
-            return;
-        };
+        let refused = refused.map(|text| (text, true));
+        let word = || self.word.as_ref().map(|word| (word.text.clone(), word.is_problem));
+        let Some((text, is_problem)) = refused.or_else(word) else { return };
+        let (ground, colour) = if is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
         let area = Area::new(Id::unique("problem")).order(Order::Middle).interactable(false);
         area.anchor(Align2::CENTER_TOP, vec2(0.0, 34.0)).show(context, |ui| {
-            Frame::new().fill(PROBLEM).inner_margin(Margin::symmetric(10, 5)).show(ui, |ui| {
+            Frame::new().fill(ground).inner_margin(Margin::symmetric(10, 5)).show(ui, |ui| {
                 ui.set_max_width(0.7 * ui.ctx().content_rect().width());
-                ui.colored_label(PROBLEM_TEXT, text);
+                ui.colored_label(colour, text);
             });
         });
     }

@@ -9,6 +9,7 @@ use crate::files;
 use crate::gestures::Hands;
 use crate::layout::Layout;
 use crate::pane::places;
+use crate::received::Word;
 use crate::run::Options;
 use crate::shown::Shown;
 use crate::work::Work;
@@ -38,7 +39,7 @@ pub struct Window {
     pub(crate) notes: Vec<String>,
     /// Since when an answer is waited for.
     pub(crate) asked: Option<Instant>,
-    pub(crate) complaint: Option<(String, Option<f64>)>,
+    pub(crate) word: Option<Word>,
     /// To be opened as soon as there is a window.
     first: Option<Source>,
     /// Size that the volume's pane asks for, since when, and whether it was asked for.
@@ -65,7 +66,7 @@ impl Window {
             photograph: None,
             notes: Vec::new(),
             asked: None,
-            complaint: None,
+            word: None,
             first,
             size: ([0; 2], 0.0, true),
             lost: false,
@@ -98,7 +99,7 @@ impl Window {
         }
         let frame = Frame::new().fill(Color32::from_rgb(22, 24, 28)).inner_margin(Margin::same(2));
         CentralPanel::default().frame(frame).show(ui, |ui| self.pictures(ui));
-        self.complaints(&context);
+        self.words(&context);
         self.dialogs(&context);
         self.closing(&context);
         self.photographed(&context);
