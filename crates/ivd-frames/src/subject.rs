@@ -143,6 +143,13 @@ impl Subject {
             let part = part.and_then(|(_, result)| part_of(&volume, &json!(result.record.metrics)));
             said.splice(0..0, part.into_iter().chain([material_of(&settings)]));
         }
+        let asks = |key| {
+            let asked = scene.param(&ivd_render::STAGE, key);
+            asked.is_some_and(|value| value != json!(0) && value != json!(false))
+        };
+        if asks("ao") || asks("shadow") {
+            said.push("drawn without ambient occlusion and shadows, which the scene keeps".to_owned());
+        }
         Ok(Self {
             scene,
             volume,

@@ -72,7 +72,7 @@ pub fn export_with(
         Artefact::Displacement(field) => write_field(path, field, options.direction, exec),
         Artefact::Image(image) => {
             let chosen = options.frame.map(|frame| picture_of(image, frame)).transpose()?;
-            write_bytes(path, &pictures::bytes(path, chosen.as_ref().unwrap_or(image))?)
+            write_bytes(path, &exec.run(|| pictures::bytes(path, chosen.as_ref().unwrap_or(image)))?)
         }
         Artefact::Motion(motion) => {
             let Some(lattice) = options.lattice else {

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::{Error, ending};
 
-/// A turn takes so long (s), unless its pictures would follow each other too soon, or so slowly that it doesn't look like one.
+/// A turn, or a motion, takes so long (s), unless its pictures would follow each other too soon, or so slowly that it doesn't look like one.
 const TURN_S: f64 = 4.0;
 /// Shortest and longest time that a picture is shown (s).
 const SHOWN_S: [f64; 2] = [0.04, 0.5];
@@ -112,8 +112,10 @@ fn hundredths(image: &Image) -> u16 {
 
 /// Pictures as a GIF file's bytes, each with 256 colours of its own, that begin anew after the last.
 fn gif_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    /// Of every tenth pixel colours are chosen: what the encoder's authors advise.
+    /// Of every tenth pixel colours are chosen.
     const SPEED: i32 = 10;
+    /// Frames that are held in both forms.
+    const AT_ONCE: usize = 16;
     let side = |length: usize| {
         let told = || {
             format!("{length} pixels: a .gif has at most {} a side; render it smaller, or as .png", u16::MAX)
@@ -121,23 +123,27 @@ fn gif_bytes(image: &Image) -> Result<Vec<u8>, Error> {
         u16::try_from(length).map_err(|_| Error::usage("export", told()))
     };
     let (width, height) = (side(image.width())?, side(image.height())?);
-    let frames: Vec<gif::Frame<'_>> = image
-        .rgba()
-        .par_chunks_exact(4 * image.width() * image.height())
-        .map(|pixels| {
-            let mut frame = gif::Frame::from_rgba_speed(width, height, &mut pixels.to_vec(), SPEED);
-            frame.delay = hundredths(image);
-            frame.dispose = gif::DisposalMethod::Background;
-            frame
-        })
-        .collect();
+    let encoded = |pixels: &[u8]| {
+        // A pixel is seen or it isn't: half of it decides.
+        let mut pixels = pixels.to_vec();
+        for pixel in pixels.chunks_exact_mut(4) {
+            pixel[3] = if pixel[3] < 128 { 0 } else { 255 };
+        }
+        let mut frame = gif::Frame::from_rgba_speed(width, height, &mut pixels, SPEED);
+        frame.delay = hundredths(image);
+        frame.dispose = gif::DisposalMethod::Background;
+        frame
+    };
     let mut bytes = Vec::new();
     let mut encoder = gif::Encoder::new(&mut bytes, width, height, &[]).map_err(failed)?;
-    if frames.len() > 1 {
+    if image.frames() > 1 {
         encoder.set_repeat(gif::Repeat::Infinite).map_err(failed)?;
     }
-    for frame in &frames {
-        encoder.write_frame(frame).map_err(failed)?;
+    let length = 4 * image.width() * image.height();
+    for some in image.rgba().chunks(length * AT_ONCE) {
+        for frame in some.par_chunks_exact(length).map(encoded).collect::<Vec<_>>() {
+            encoder.write_frame(&frame).map_err(failed)?;
+        }
     }
     drop(encoder);
     Ok(bytes)

@@ -68,6 +68,9 @@ impl Mode {
 /// Most that white along the diagonal dims, as a power of e.
 pub(crate) const MOST_ATTENUATION: f64 = 1000.0;
 
+/// Most slices.
+pub(crate) const MOST_SLICES: usize = 65536;
+
 /// Most pictures of a turn.
 pub(crate) const MOST_FRAMES: usize = 720;
 
@@ -239,7 +242,7 @@ pub struct RenderParams {
     pub turntable: usize,
     /// Whether the light that a picture is made of is kept beside it, as `.exr` files hold it: linear, without background, letters and outline.
     pub keep_light: bool,
-    /// Pixels, as column and row from the top left, of which it is told what they show: the place in the patient, before and after the deformation, with voxel, value
+    /// Pixels (of the first picture of a turntable), as column and row from the top left, of which it is told what they show: the place in the patient, before and after the deformation, with voxel, value
     /// and label.
     #[schemars(extend("x-unit" = "pixels"))]
     pub picks: Vec<[usize; 2]>,
@@ -304,6 +307,11 @@ impl RenderParams {
             Mode::Mean if !self.picks.is_empty() => {
                 let problem = "a mean is of all samples of a ray, so that a pixel shows no place";
                 Err(ParamError::new("picks", problem, "use another mode, or leave them out"))
+            }
+            Mode::Slices { count: Some(count), .. } | Mode::ShearWarp { count: Some(count) }
+                if !(1..=MOST_SLICES).contains(&count) =>
+            {
+                Err(ParamError::new("slices", format!("{count}"), format!("give 1 … {MOST_SLICES}")))
             }
             Mode::Slices { .. } | Mode::ShearWarp { .. }
                 if self.classification == Classification::PreIntegrated =>

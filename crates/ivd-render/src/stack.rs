@@ -152,12 +152,13 @@ fn rows(
     exec: &Exec,
     cast: impl Fn(usize, usize) -> Cast + Sync,
 ) -> Result<Radiance, ivd_core::Error> {
-    exec.check_memory("picture", (24 * width * height) as u64)?;
+    // What is cast, and what is kept of it.
+    exec.check_memory("picture", (48 * width * height) as u64)?;
     exec.observer().begin("render", height as u64);
     let mut casts = vec![Cast::default(); width * height];
     parallel::try_for_each_piece_mut(&mut casts, width, &|y, row| {
-        exec.check_cancelled()?;
         for (x, pixel) in row.iter_mut().enumerate() {
+            exec.check_cancelled()?;
             *pixel = cast(x, y);
         }
         exec.observer().advance("render", 1);
@@ -190,7 +191,7 @@ pub(crate) fn slices<T: Stored>(
 }
 
 /// Most pixels along a side of the picture that sheared slices are gathered in.
-const LONGEST: f64 = 16384.0;
+const LONGEST: f64 = 4096.0;
 
 /// A picture by shear and warp. The picture in between has as many pixels a voxel as there are slices a voxel, at least one.
 ///
@@ -224,9 +225,11 @@ pub(crate) fn shear_warp<T: Stored>(
             high[i] = high[i].max(at[a]);
         }
     }
-    let scale = (stack.count as f64 / dims[axis] as f64).max(1.0);
+    let longest = (high[0] - low[0]).max(high[1] - low[1]);
+    let wanted = (stack.count as f64 / dims[axis] as f64).max(1.0);
+    let scale = f64::min(wanted, LONGEST / longest);
     // A pixel more on every side: what is warped is interpolated.
-    let sides = [0, 1].map(|i| ((high[i] - low[i]) * scale).ceil().min(LONGEST) + 3.0);
+    let sides = [0, 1].map(|i| ((high[i] - low[i]) * scale).ceil() + 3.0);
     let of_pixel = |x: f64, y: f64| {
         let mut at = Vector3::zeros();
         at[axis] = foremost * stack.along[axis];

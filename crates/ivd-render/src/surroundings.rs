@@ -1,7 +1,8 @@
 //! What the surroundings of a place leave of its light: ambient occlusion, and the shadow of the lamp.
 //!
 //! Both are found by rays from every lit place, whose opacity is gathered as that of the picture's own: nothing is kept from picture to picture, and nothing is
-//! approximated but by the number of rays. Directions are those of a Fibonacci lattice, turned for every place by a hash of the place and the seed
+//! approximated but by the number of rays, their reach, and that they begin a voxel off: nearer by a surface that is two voxels deep would shade itself, from further off
+//! cracks are overlooked. Directions are those of a Fibonacci lattice, turned for every place by a hash of the place and the seed
 //! (Cranley and Patterson 1976): unbiased, and the same for any number of threads.
 
 use std::f64::consts::TAU;
@@ -21,9 +22,6 @@ use crate::samples::Stored;
 const MOST_RAYS: u32 = 4096;
 /// Rays reach so far where nothing is said, in diagonals of the volume.
 const REACH: f64 = 1.0 / 16.0;
-/// Rays begin so far off, in shortest edges of a voxel: along the normal, or along themselves where there is none. Nearer by a surface that is two
-/// voxels deep would shade itself, from further off cracks are overlooked.
-const OFF: f64 = 1.0;
 /// A place that adds this share or more to its pixel has all the rays that are asked for about it, one that adds less as many fewer: so the noise of pixels is that of surfaces, at a
 /// cost that doesn't grow with the number of places that can be seen through.
 const FULL: f32 = 0.25;
@@ -59,9 +57,8 @@ impl Surroundings {
 pub(crate) struct Around<'a> {
     camera: &'a Camera,
     asked: Surroundings,
-    /// How far rays reach, and how far off they begin [mm].
+    /// How far rays reach [mm].
     reach: f64,
-    off: f64,
     lamp: Vector3<f64>,
 }
 
@@ -76,7 +73,12 @@ impl<'a> Around<'a> {
     pub(crate) fn new(asked: Surroundings, camera: &'a Camera, light: &Light, grid: &Grid) -> Self {
         let reach = asked.ao_radius.unwrap_or(REACH * diagonal(grid));
         let lamp = Vector3::from(light.lamp.map(f64::from));
-        Self { camera, asked, reach, off: OFF * grid.shortest_edge(), lamp }
+        Self { camera, asked, reach, lamp }
+    }
+
+    /// How long a voxel is along a direction [mm].
+    fn voxel(&self, direction: Vector3<f64>) -> f64 {
+        1.0 / self.camera.in_voxels(direction).norm()
     }
 
     /// What is left at a place (voxel coordinate) that faces along a normal, or every way.
@@ -86,12 +88,12 @@ impl<'a> Around<'a> {
     fn left(&self, at: [f32; 3], normal: Option<[f32; 3]>, adds: f32, through: impl Fn(&Ray) -> f32) -> Left {
         let normal = normal.map(|n| Vector3::from(n.map(f64::from)));
         let from = Vector3::from(at.map(f64::from));
-        let [origin, near] = match normal {
-            Some(normal) => [from + self.camera.in_voxels(normal * self.off), Vector3::zeros()],
-            None => [from, Vector3::repeat(self.off)],
-        };
-        let open = |direction: Vector3<f64>, far: f64| {
-            self.camera.ray_along(origin, direction, [near.x, far]).map_or(1.0, |ray| through(&ray))
+        let origin = normal.map_or(from, |normal| from + self.camera.in_voxels(normal * self.voxel(normal)));
+        let open = |direction: Vector3<f64>, reach: f64| {
+            // Along the ray itself where there is no normal.
+            let near = if normal.is_some() { 0.0 } else { self.voxel(direction) };
+            let ray = self.camera.ray_along(origin, direction, [near, near + reach]);
+            ray.map_or(1.0, |ray| through(&ray))
         };
         let lamp = if self.asked.shadow { open(self.lamp, f64::INFINITY) } else { 1.0 };
         if self.asked.ao == 0 {

@@ -12,7 +12,8 @@ pub(super) fn implied(output: &Path) -> Option<(&'static str, Json)> {
 
 /// Refuses a file that can't hold the pictures.
 pub(super) fn check(section: &Section, output: &Path) -> anyhow::Result<()> {
-    if ending(output) == "ivd" {
+    // An artefact holds everything, and figures are of anything.
+    if matches!(&*ending(output), "ivd" | "json") {
         return Ok(());
     }
     let params = section.job().params();

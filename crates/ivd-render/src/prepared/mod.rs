@@ -76,7 +76,12 @@ impl<'a> Prepared<'a> {
             let mut prepared = Self {
                 scene: Scene { labels, ..*scene },
                 labels: scene.labels,
-                params: RenderParams { skip: params.skip && exec.skip, ..params.clone() },
+                params: RenderParams {
+                    skip: params.skip && exec.skip,
+                    // The number of slices takes its place; short, so that opacities over it are far from 1.
+                    step: if params.mode.is_by_slices() { 0.1 } else { params.step },
+                    ..params.clone()
+                },
                 voxels,
                 shift,
                 warp: moving.map(|d| {
@@ -235,7 +240,9 @@ impl<'a> Prepared<'a> {
         }
         let of_pixel = if keep_light { 20 } else { 4 };
         exec.check_memory("pictures", (of_pixel * turntable * size[0] * size[1]) as u64)?;
-        let (mut rgba, mut light) = (Vec::new(), Vec::new());
+        let length = 4 * turntable * size[0] * size[1];
+        let mut rgba = Vec::with_capacity(length);
+        let mut light = Vec::with_capacity(if keep_light { length } else { 0 });
         let (mut samples, mut skipped) = (0, 0);
         for frame in 0..turntable {
             let turn = 360.0 * frame as f64 / turntable as f64;

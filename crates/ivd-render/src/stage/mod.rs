@@ -117,7 +117,7 @@ pub struct RenderFigures {
     /// Pictures made.
     #[schemars(extend("x-unit" = "1"))]
     pub frames: u32,
-    /// Samples taken for each pixel of the picture, on average.
+    /// Samples taken for each pixel of the picture, on average; those of rays that look for shade aren't counted.
     #[schemars(extend("x-unit" = "1"))]
     pub samples_per_pixel: f64,
     /// Share of the samples on the rays' way that were passed over because their brick is empty.
@@ -231,11 +231,11 @@ impl Op for DifferenceParams {
         let start = Instant::now();
         let found = difference(inputs.before, inputs.after)?;
         let figures = DifferenceFigures {
-            frames: 1,
+            frames: found.image.frames() as u32,
             max: found.max,
             mean: found.mean,
             changed_fraction: found.changed,
-            fps: Some(rate(start)),
+            fps: Some(found.image.frames() as f64 * rate(start)),
         };
         Ok((found.image, figures))
     }

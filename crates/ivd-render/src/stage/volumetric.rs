@@ -7,11 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Across, ClassLooks, Classification, Mode, RenderParams, Scene, Surroundings};
 
+use crate::params::MOST_SLICES;
+
 use super::modes::{CLOSE, REVISION, drawn, wants};
 use super::{Coloured, RenderFigures};
-
-/// Most slices.
-const MOST_SLICES: usize = 65536;
 
 /// Direct volume rendering: emission and absorption by the transfer function.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]

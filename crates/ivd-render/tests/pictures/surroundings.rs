@@ -118,7 +118,14 @@ fn more_rays_come_nearer_to_many_as_a_lattice_does() {
 
 #[test]
 fn a_slab_shades_itself_by_the_lengths_of_the_light_s_ways() {
-    let grid = Grid::with_spacing([96, 96, 12], [1.0; 3]).unwrap();
+    for thickness in [1, 3] {
+        slab(thickness);
+    }
+}
+
+/// A slab of 12 mm, in voxels so thick.
+fn slab(thickness: usize) {
+    let grid = Grid::with_spacing([96, 96, 12 / thickness], [1.0, 1.0, thickness as f64]).unwrap();
     let volume = Volume::new(grid.clone(), Voxels::from(vec![1.0_f32; grid.len()])).unwrap();
     let tau = 0.15_f64;
     let opacity = (1.0 - (-tau).exp()) as f32;
@@ -131,11 +138,12 @@ fn a_slab_shades_itself_by_the_lengths_of_the_light_s_ways() {
     let picture = drawn(&scene, &params);
     // The lamp stands beside the eye, 0.45 up and 0.35 to the left.
     let slant = (1.0_f64 + 0.45 * 0.45 + 0.35 * 0.35).sqrt();
+    // What lies within a voxel, along the way to the lamp, doesn't shade.
+    let off = slant / (0.45_f64 * 0.45 + 0.35 * 0.35 + (thickness as f64).powi(-2)).sqrt();
     let (mut truth, pieces) = (0.0, 20_000);
     for i in 0..pieces {
         let depth = 12.0 * (f64::from(i) + 0.5) / f64::from(pieces);
-        // What lies within a voxel doesn't shade.
-        let shade = (-tau * (depth * slant - 1.0).max(0.0)).exp();
+        let shade = (-tau * (depth * slant - off).max(0.0)).exp();
         truth += tau * (-tau * depth).exp() * (AMBIENT + LAMP * shade) * 12.0 / f64::from(pieces);
     }
     let [red, _, _, alpha] = picture.rgba[32 + 64 * 32].map(f64::from);
@@ -240,7 +248,7 @@ fn a_homogeneous_cloud_leaves_of_the_sky_what_its_depth_does() {
         for j in 0..400 {
             let up = 1.0 - (f64::from(j) + 0.5) / 200.0;
             let face = if up > 0.0 { depth / up } else { (64.0 - depth) / -up.min(-1e-12) };
-            open += (-tau * (face.min(reach) - 1.0).max(0.0)).exp() / 400.0;
+            open += (-tau * (face.min(reach + 1.0) - 1.0).max(0.0)).exp() / 400.0;
         }
         truth += weight * open;
         plain += weight;
