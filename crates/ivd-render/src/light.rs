@@ -91,13 +91,13 @@ impl Light {
         left: Left,
     ) -> [f32; 4] {
         let (wrapped, shine) = normal.map_or((1.0, 0.0), |normal| self.shares(normal));
-        let matt = left.ambient * (AMBIENT + DIFFUSE * wrapped * left.lamp);
+        let matt = left.ambient * (AMBIENT + DIFFUSE * wrapped * wrapped * left.lamp);
         let highlight = SPECULAR * shine * left.lamp * alpha;
         let [r, g, b] = [r, g, b].map(|c| (c * matt + highlight).min(alpha));
         [r, g, b, alpha]
     }
 
-    /// Shares of the lamp's light that a side turns back matt, and shining.
+    /// Of the lamp's light: the root of what a side turns back matt, and what it turns back shining.
     #[inline(always)]
     fn shares(&self, n: [f32; 3]) -> (f32, f32) {
         let dot = |v: [f32; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
@@ -106,7 +106,7 @@ impl Light {
         for _ in 0..5 {
             shine *= shine;
         }
-        (wrapped * wrapped, shine)
+        (wrapped, shine)
     }
 
     /// A premultiplied colour under the lamp; unchanged without a normal.
@@ -114,7 +114,7 @@ impl Light {
     pub(crate) fn lit(&self, [r, g, b, alpha]: [f32; 4], normal: Option<[f32; 3]>) -> [f32; 4] {
         let Some(n) = normal else { return [r, g, b, alpha] };
         let (wrapped, shine) = self.shares(n);
-        let matt = AMBIENT + DIFFUSE * wrapped;
+        let matt = AMBIENT + DIFFUSE * wrapped * wrapped;
         let highlight = SPECULAR * shine * alpha;
         let [r, g, b] = [r, g, b].map(|c| (c * matt + highlight).min(alpha));
         [r, g, b, alpha]

@@ -42,6 +42,7 @@ pub struct Surroundings {
     /// Whether what lies between the lamp and a place shades it.
     pub shadow: bool,
     /// Chooses the directions of the rays.
+    #[schemars(extend("x-unit" = "1"))]
     pub seed: u64,
 }
 
