@@ -85,7 +85,7 @@ pub(crate) fn failure(error: &anyhow::Error, json: bool) -> ExitCode {
     if is_broken_pipe(error) {
         return ExitCode::SUCCESS;
     }
-    let code = code(error_class(error));
+    let code = error_class(error).exit_code();
     let unfinished = error.downcast_ref::<Unfinished>();
     if json {
         let mut object = serde_json::json!({ "error": { "message": error.to_string(), "exit_code": code } });
@@ -125,17 +125,4 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
     })
-}
-
-/// The exit code of a kind of failure.
-pub(crate) fn code(class: ErrorClass) -> u8 {
-    match class {
-        ErrorClass::Usage => 2,
-        ErrorClass::Input => 3,
-        ErrorClass::Limit => 4,
-        ErrorClass::Untrusted => 5,
-        ErrorClass::NoGpu => 6,
-        ErrorClass::Io => 7,
-        ErrorClass::Cancelled => 130,
-    }
 }

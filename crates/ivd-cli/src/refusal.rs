@@ -7,7 +7,6 @@ use std::process::ExitCode;
 use clap::builder::Styles;
 use ivd_core::{ErrorClass, shown};
 
-use crate::exit::code;
 use crate::stages::{program, read, with_truths};
 
 /// clap's own message about what was typed, on the stream it belongs to.
@@ -15,10 +14,10 @@ pub(crate) fn usage(error: &clap::Error, json: bool) -> ExitCode {
     let _ = refused(error).print();
     if json && error.use_stderr() {
         let message = lossless(error);
-        let object = serde_json::json!({ "error": { "message": message.trim(), "exit_code": code(ErrorClass::Usage) } });
+        let object = serde_json::json!({ "error": { "message": message.trim(), "exit_code": ErrorClass::Usage.exit_code() } });
         let _ = writeln!(std::io::stdout(), "{object}");
     }
-    if error.use_stderr() { ExitCode::from(code(ErrorClass::Usage)) } else { ExitCode::SUCCESS }
+    if error.use_stderr() { ExitCode::from(ErrorClass::Usage.exit_code()) } else { ExitCode::SUCCESS }
 }
 
 /// clap's error about the words that were typed, which it repeats: the error that it has about the same words as they are shown. Its

@@ -39,7 +39,7 @@ impl ParamError {
     }
 }
 
-/// What kind of failure an error is; the program maps it to its exit code.
+/// What kind of failure an error is; programs end with its exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorClass {
     /// Wrong usage, parameters or scene (exit 2).
@@ -56,6 +56,21 @@ pub enum ErrorClass {
     Io,
     /// Interrupted (exit 130).
     Cancelled,
+}
+
+impl ErrorClass {
+    /// What a program ends with that fails so.
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Self::Usage => 2,
+            Self::Input => 3,
+            Self::Limit => 4,
+            Self::Untrusted => 5,
+            Self::NoGpu => 6,
+            Self::Io => 7,
+            Self::Cancelled => 130,
+        }
+    }
 }
 
 /// An error that knows what kind of failure it is.

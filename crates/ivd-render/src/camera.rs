@@ -227,10 +227,16 @@ impl Camera {
             - self.voxels_away * part(self.towards_eye)
     }
 
+    /// What turns a difference of voxel coordinates into millimetres to the right, up, and away from the eye.
+    pub(crate) fn voxels_to_mm(&self) -> Matrix3<f64> {
+        let axes = Matrix3::from_columns(&[self.voxels_right, self.voxels_up, self.voxels_away]);
+        // A grid's axes span the space.
+        axes.try_inverse().unwrap_or_else(Matrix3::zeros)
+    }
+
     /// How far the middle of the view runs along each axis of the grid, as cosines.
     pub(crate) fn along_axes(&self) -> [f64; 3] {
-        let to_mm = Matrix3::from_columns(&[self.voxels_right, self.voxels_up, self.voxels_away]);
-        let to_mm = to_mm.try_inverse().unwrap_or_else(Matrix3::zeros);
+        let to_mm = self.voxels_to_mm();
         std::array::from_fn(|a| to_mm[(2, a)] / to_mm.column(a).norm())
     }
 

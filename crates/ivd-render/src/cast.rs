@@ -158,7 +158,7 @@ pub(crate) const HALVINGS: usize = 16;
 pub(crate) struct Hit {
     pub(crate) at: [f32; 3],
     /// Of a face that the picture is cut at: its normal.
-    pub(crate) cut: Option<[f32; 3]>,
+    cut: Option<[f32; 3]>,
 }
 
 /// First hit of the surface where `sign · value` reaches `iso`, refined by bisection; samples taken, and samples passed over.
@@ -224,13 +224,24 @@ pub(crate) fn first_hit<T: Stored>(
     field: &Field<'_, T>,
     iso: f32,
     sign: f32,
-    surface: [f32; 3],
+    [r, g, b]: [f32; 3],
     ray: &Ray,
+) -> Cast {
+    first_hit_by(field, iso, sign, ray, |_, normal| field.light.lit([r, g, b, 1.0], normal))
+}
+
+/// The same, lit by what its place and normal say.
+#[inline(always)]
+pub(crate) fn first_hit_by<T: Stored>(
+    field: &Field<'_, T>,
+    iso: f32,
+    sign: f32,
+    ray: &Ray,
+    lit: impl FnOnce([f32; 3], Option<[f32; 3]>) -> [f32; 4],
 ) -> Cast {
     let (hit, taken, skipped) = first_place(field, iso, sign, ray);
     let Some(Hit { at, cut }) = hit else { return Cast { rgba: [0.0; 4], taken, skipped } };
     let moves = field.moves(field.space.brick(at));
     let normal = cut.or_else(|| field.normal_there(at, moves));
-    let [r, g, b] = surface;
-    Cast { rgba: field.light.lit([r, g, b, 1.0], normal), taken, skipped }
+    Cast { rgba: lit(at, normal), taken, skipped }
 }

@@ -144,8 +144,9 @@ fn begin<T: Stored, O: Optics<T>>(
     }
 }
 
+/// Puts what lies behind under what was gathered before it.
 #[inline(always)]
-fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
+pub(crate) fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
     let through = 1.0 - rgba[3];
     for (sum, c) in rgba.iter_mut().zip(entry) {
         *sum += through * c;

@@ -12,12 +12,13 @@
 use ivd_core::{Exec, parallel};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::Error;
 use crate::camera::Camera;
 use crate::cast::{Cast, Field};
 use crate::classify::{Classifier, of_part};
+use crate::dvr::over;
 use crate::frame::Radiance;
 use crate::samples::Stored;
+use crate::{Across, Error};
 
 /// Slices across a direction.
 struct Stack {
@@ -45,10 +46,8 @@ impl Stack {
 
     /// Across the view.
     fn across_view(camera: &Camera, count: Option<usize>) -> Self {
-        let [start, right, up, away] = camera.axes();
-        let rows = Matrix3::from_columns(&[right, up, away]).try_inverse().unwrap_or_else(Matrix3::zeros);
-        let along = rows.row(2).transpose();
-        let mut stack = Self { along, offset: -along.dot(&start), ends: [0.0; 2], count: 1 };
+        let along = camera.voxels_to_mm().row(2).transpose();
+        let mut stack = Self { along, offset: -along.dot(&camera.axes()[0]), ends: [0.0; 2], count: 1 };
         let heights: Vec<f64> = corners(camera.dims()).map(|corner| stack.height(corner)).collect();
         stack.ends = [f64::min, f64::max].map(|pick| heights.iter().copied().reduce(pick).unwrap_or(0.0));
         let voxels = camera.dims().iter().map(|&n| (n * n) as f64).sum::<f64>().sqrt();
@@ -139,13 +138,6 @@ impl<T: Stored> Looks<'_, T> {
     }
 }
 
-fn over(rgba: &mut [f32; 4], entry: [f32; 4]) {
-    let through = 1.0 - rgba[3];
-    for (sum, c) in rgba.iter_mut().zip(entry) {
-        *sum += through * c;
-    }
-}
-
 /// A picture of so many pixels, row by row.
 fn rows(
     [width, height]: [usize; 2],
@@ -179,11 +171,13 @@ pub(crate) fn slices<T: Stored>(
     looks: &Looks<'_, T>,
     camera: &Camera,
     count: Option<usize>,
-    is_across_view: bool,
+    across: Across,
     exec: &Exec,
 ) -> Result<Radiance, ivd_core::Error> {
-    let stack =
-        if is_across_view { Stack::across_view(camera, count) } else { Stack::across_axis(camera, count).0 };
+    let stack = match across {
+        Across::View => Stack::across_view(camera, count),
+        Across::Axis => Stack::across_axis(camera, count).0,
+    };
     rows(camera.size(), exec, |x, y| {
         let (from, direction) = camera.line(x as f64, y as f64);
         looks.gathered(camera, &stack, from, direction)
@@ -268,12 +262,11 @@ enum Sight {
 impl Sight {
     /// `None` where the eye lies among the slices, or behind them.
     fn new(camera: &Camera, stack: &Stack) -> Option<Self> {
-        let [start, right, up, away] = camera.axes();
+        let [start, _, _, away] = camera.axes();
         if camera.projection() == crate::Projection::Orthographic {
             return Some(Self::Parallel(away));
         }
-        let to_mm = Matrix3::from_columns(&[right, up, away]).try_inverse()?;
-        (stack.height(start) < stack.slice(0)).then_some(Self::Eye(start, to_mm))
+        (stack.height(start) < stack.slice(0)).then(|| Self::Eye(start, camera.voxels_to_mm()))
     }
 
     fn is_from_eye(&self) -> bool {

@@ -13,7 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Ray, diagonal};
-use crate::cast::{Cast, Field, Hit, first_place};
+use crate::cast::{Cast, Field, first_hit_by, first_place};
 use crate::dvr::{Optics, Step, dvr};
 use crate::light::Light;
 use crate::samples::Stored;
@@ -218,13 +218,10 @@ pub(crate) fn first_hit<T: Stored>(
     around: &Around<'_>,
     ray: &Ray,
 ) -> Cast {
-    let (hit, taken, skipped) = first_place(field, iso, sign, ray);
-    let Some(Hit { at, cut }) = hit else { return Cast { rgba: [0.0; 4], taken, skipped } };
-    let moves = field.moves(field.space.brick(at));
-    let normal = cut.or_else(|| field.normal_there(at, moves));
     let through = |ray: &Ray| if first_place(field, iso, sign, ray).0.is_some() { 0.0 } else { 1.0 };
-    let left = around.left(at, normal, 1.0, through);
-    Cast { rgba: field.light.lit_by([r, g, b, 1.0], normal, left), taken, skipped }
+    first_hit_by(field, iso, sign, ray, |at, normal| {
+        field.light.lit_by([r, g, b, 1.0], normal, around.left(at, normal, 1.0, through))
+    })
 }
 
 #[cfg(test)]

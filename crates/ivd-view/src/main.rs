@@ -57,16 +57,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err((class, problem)) => {
             say(&format!("ivd-view: {problem}"));
-            // As `ivd` ends.
-            ExitCode::from(match class {
-                ErrorClass::Usage => 2,
-                ErrorClass::Input => 3,
-                ErrorClass::Limit => 4,
-                ErrorClass::Untrusted => 5,
-                ErrorClass::NoGpu => 6,
-                ErrorClass::Io => 7,
-                ErrorClass::Cancelled => 130,
-            })
+            ExitCode::from(class.exit_code())
         }
     }
 }

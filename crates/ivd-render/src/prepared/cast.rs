@@ -15,7 +15,7 @@ use crate::stack::{self, Looks};
 use crate::surroundings::{self, Around, Surrounded};
 use crate::warp::Warp;
 use crate::wide::{Pairs, ProjectLanes, Wide, dvr, first_hit, project};
-use crate::{Across, Error, Mode, RenderParams, View};
+use crate::{Error, Mode, RenderParams, View};
 
 use super::{ModeState, Prepared};
 
@@ -121,7 +121,7 @@ impl Prepared<'_> {
             let looks = Looks { field, classifier, is_shaded: params.shading, termination };
             match params.mode {
                 Mode::Slices { count, across } => {
-                    let found = stack::slices(&looks, camera, count, across == Across::View, exec);
+                    let found = stack::slices(&looks, camera, count, across, exec);
                     return Some(found.map_err(Error::from));
                 }
                 Mode::ShearWarp { count } => return Some(stack::shear_warp(&looks, camera, count, exec)),

@@ -238,9 +238,8 @@ impl<'a> Prepared<'a> {
         if turntable == 1 {
             return self.render(view, exec);
         }
-        let of_pixel = if keep_light { 20 } else { 4 };
-        exec.check_memory("pictures", (of_pixel * turntable * size[0] * size[1]) as u64)?;
         let length = 4 * turntable * size[0] * size[1];
+        exec.check_memory("pictures", (if keep_light { 5 * length } else { length }) as u64)?;
         let mut rgba = Vec::with_capacity(length);
         let mut light = Vec::with_capacity(if keep_light { length } else { 0 });
         let (mut samples, mut skipped) = (0, 0);
