@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use ivd_artefact::{Kind, KindCode, peek};
 use ivd_core::{Exec, Grid, Volume, Voxels};
+use ivd_frames::Log;
 use ivd_fuzz::artefacts::{Section, Wanted};
 use ivd_io::mesh::{self, Format};
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
@@ -20,6 +21,7 @@ fn main() -> Outcome {
     artefacts(&fuzz.join("seeds/artefact"), &fuzz.join("../fixtures/artefacts"))?;
     scenes(&fuzz.join("seeds/scene"), &fuzz.join("../fixtures/scenes"))?;
     words(&fuzz.join("seeds"))?;
+    windows(&fuzz.join("seeds"))?;
     meshes(&fuzz.join("seeds/mesh"))?;
     noise(&fuzz.join("seeds"))
 }
@@ -237,6 +239,52 @@ fn scenes(folder: &Path, fixtures: &Path) -> Outcome {
         "overrides",
         "schema = 1\n[input]\nphantom = \"head\"\n[output]\nreport = true\n\n---\nrender.mode=mip\ndeform.handle.0.radius=3\n",
     )
+}
+
+/// A log with every kind of event, and requests of every kind.
+fn windows(seeds: &Path) -> Outcome {
+    let head = Log::head("schema = 1\n[input]\nphantom = \"sphere\"\n[output]\nimages = [\"before\"]\n");
+    let step = |events: &str| format!("{{\"step\":{{\"name\":\"a\",\"events\":[{events}]}}}}\n");
+    let add = r#"{"add":{"at":{"nearest_to":[4,4,7]},"action":{"move":[0,0,0.5]},"radius":6}}"#;
+    let rest = [
+        r#"{"move":{"handle":0,"by":[0,0.3,0.5]}}"#,
+        r#"{"radius":{"handle":0,"radius":4}},{"stiffness":{"newton_per_metre":20}}"#,
+        r#"{"pin":{"at":{"nearest_to":[4,4,1]},"radius":2}}"#,
+        r#"{"level":1},{"map":{"method":"biharmonic"}}"#,
+        r#"{"pull":{"handle":0,"with":[0,0,2]}},{"release":{"fix":0}},{"remove":{"handle":0}},"reset""#,
+    ];
+    let lines = rest.map(step).concat();
+    put(&seeds.join("log"), "handle", format!("{head}\n{}{lines}\"undo\"\n\"redo\"\n", step(add)))?;
+    put(&seeds.join("log"), "half", format!("{head}\n{}\"undo", step(add)))?;
+    let drag = [
+        r#"{"do":"orbit","by":[0.1,0.2]}"#,
+        r#"{"do":"zoom","factor":1.5,"at":[0.5,0.5]}"#,
+        r#"{"do":"hover","pane":"volume","at":[0.5,0.5]}"#,
+        r#"{"do":"radius","radius":6}"#,
+        r#"{"do":"grab","pane":"volume","at":[0.5,0.5]}"#,
+        r#"{"do":"drag","to":[0.55,0.5],"lock":"x"}"#,
+        r#"{"do":"wheel","steps":-2}"#,
+        r#"{"do":"drop"}"#,
+        r#"{"do":"pin","pane":"axial","at":[0.4,0.5]}"#,
+        r#"{"do":"undo"}"#,
+        r#"{"do":"redo"}"#,
+    ];
+    put(&seeds.join("requests"), "drag", drag.join("\n"))?;
+    let others = [
+        r#"{"do":"resize","size":[40,64]}"#,
+        r#"{"do":"slice","pane":"coronal","steps":2}"#,
+        r#"{"do":"cross","pane":"axial","at":[0.3,0.4]}"#,
+        r#"{"do":"cut","along":"sagittal"}"#,
+        r#"{"do":"window","by":[0.1,-0.1]}"#,
+        r#"{"do":"add","place":[8,8,13],"by":[0,0,1]}"#,
+        r#"{"do":"move","handle":0,"by":[0,0,2]}"#,
+        r#"{"do":"stiffness","stiffness":12}"#,
+        r#"{"do":"level","level":1}"#,
+        r#"{"do":"map","map":"biharmonic"}"#,
+        r#"{"do":"save","what":"scene"}"#,
+        r#"{"do":"reset"}"#,
+    ];
+    put(&seeds.join("requests"), "others", others.join("\n"))
 }
 
 fn words(seeds: &Path) -> Outcome {

@@ -6,7 +6,7 @@ use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
 use ivd_segment::{
     ChainParams, Covariance, CutParams, EmvsParams, Error, HvsParams, KmvsParams, Linkage, MsvsParams,
-    Segmentation, ThresholdParams, cut as cut_tree, emvs, region_tree, kmvs, msvs, msvs_kmvs, threshold,
+    Segmentation, ThresholdParams, cut as cut_tree, emvs, kmvs, msvs, msvs_kmvs, region_tree, threshold,
 };
 
 use crate::{Bytes, exec, lattices, stages};

@@ -1,11 +1,11 @@
 //! Lattices that no volume would give, and what is done with them.
 
 use ivd_core::{ElementKey, Grid, Lattice, Octree, Volume, Voxels};
-use ivd_motion::handles::{Action, Pin, Handle, Anchor};
-use ivd_motion::ring::RingParams;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::figures;
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
+use ivd_motion::ring::RingParams;
 use nalgebra::Vector3;
 
 use crate::{Bytes, exec, stages};

@@ -9,6 +9,7 @@ pub mod fields;
 pub mod files;
 pub mod lattices;
 pub mod meshes;
+pub mod sessions;
 pub mod text;
 
 mod bytes;

@@ -2,6 +2,7 @@
 
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use ivd_session::Entry;
 use serde::{Deserialize, Serialize};
@@ -71,15 +72,20 @@ impl Log {
         if read.map_err(|error| wrong(error.to_string()))? as u64 > LONGEST {
             return Err(wrong(format!("longer than {LONGEST} bytes; a log is a short text")));
         }
-        Self::parse(&text).map_err(wrong)
+        text.parse().map_err(wrong)
     }
 
     /// The scene that a first line tells.
     pub(crate) fn scene_of(head: &str) -> Result<String, String> {
         Ok(begun(head)?.scene)
     }
+}
 
-    fn parse(text: &str) -> Result<Self, String> {
+impl FromStr for Log {
+    type Err = String;
+
+    /// Reads the text of a log; what is wrong with it says which line.
+    fn from_str(text: &str) -> Result<Self, String> {
         let mut lines = (1..).zip(text.split_inclusive('\n'));
         let (_, first) = lines.next().ok_or("it is empty")?;
         let Beginning { scene, of, scan } = begun(first)?;
@@ -110,9 +116,9 @@ mod tests {
     #[test]
     fn what_was_not_written_whole_is_left_out() {
         let head = Log::head("schema = 1");
-        let log = Log::parse(&format!("{head}\n\"undo\"\n{{\"step\":{{\"na")).unwrap();
+        let log = format!("{head}\n\"undo\"\n{{\"step\":{{\"na").parse::<Log>().unwrap();
         assert_eq!(log, Log { scene: "schema = 1".into(), of: None, scan: None, entries: vec![Entry::Undo] });
-        assert!(Log::parse(&format!("{head}\nundo\n\"redo\"\n")).unwrap_err().starts_with("line 2: "));
-        assert!(Log::parse("\"undo\"\n").unwrap_err().contains("line 1"));
+        assert!(format!("{head}\nundo\n\"redo\"\n").parse::<Log>().unwrap_err().starts_with("line 2: "));
+        assert!("\"undo\"\n".parse::<Log>().unwrap_err().contains("line 1"));
     }
 }
