@@ -34,6 +34,10 @@ stress:
     cargo build --release
     bash tests/determinism.sh target/debug/ivd target/release/ivd
 
+# An hour of gestures through the service that makes frames: memory stays, the log gives the same bytes. `IVD_SOAK_SECONDS`, `IVD_SOAK_GESTURES`, `IVD_SOAK_SEED`.
+soak:
+    cargo test --release -p ivd-frames --test integration -- --ignored --nocapture soak
+
 # The whole pipeline on a scene; on a generated head where none is named.
 pipeline scene="fixtures/scenes/bust.toml" *args="":
     cargo run --release -- pipeline {{scene}} --explain {{args}}
@@ -64,6 +68,11 @@ serve *args="":
 # The same in a window.
 view *args="":
     cargo run --release -p ivd-view -- {{args}}
+
+# The window on a screen that nobody sees, until it shows the demo's head; `just window out/window.png` keeps a picture.
+window *args="":
+    cargo build --release -p ivd-view
+    bash tests/window/run.sh target/release/ivd-view {{args}}
 
 # Every output of every recipe opened by other programs' readers; and each figure of the reports of all scenes found in --json (pages under target/reports).
 readers:

@@ -20,7 +20,7 @@
 //!
 //! [`refinements`] holds the methods of refinement side by side, with pictures.
 //!
-//! [`interactive`] drags a handle, frame by frame.
+//! [`interactive`] drags a handle, frame by frame, and through the frame service, picture by picture.
 //!
 //! [`scenes`] does the same for whole scenes: what they skip, and how they grow with the volume.
 //!
@@ -49,7 +49,7 @@ pub use compare::{Change, Comparison, compare};
 pub use error::Error;
 pub use experiment::{Experiment, Knobs, Problem, Score, Scored, Setting, Work};
 pub use front::fronts;
-pub use interactive::{Drag, FrameCost, InteractiveBench, interactive, interactive_page};
+pub use interactive::{Drag, FrameBench, FrameCost, InteractiveBench, interactive, interactive_page};
 pub use page::page;
 pub use rates::rates;
 pub use record::{Bench, Point, StageBench};

@@ -3,14 +3,16 @@
 //! The outermost vertex along y near the middle of the coarsest surface is dragged along a closed loop out of the surface, into it and
 //! sideways; the farthest it goes is an eighth of the handle's radius. Every frame is one event of an
 //! [`ivd_session::Session`]: springs, map, inverse and the voxels that changed. What is made ready before the first frame, when the
-//! handle is placed, is timed by itself.
+//! handle is placed, is timed by itself. The same is done through the frame service, to the picture: see [`FrameBench`].
 
+mod frames;
 mod page;
 
 use std::time::Instant;
 
 use cpu_time::ProcessTime;
 use ivd_core::{Classified, ErrorClass, Exec, FieldBricks, Lattice, Volume, VoxelIndex, VoxelType};
+use ivd_frames::Source;
 use ivd_lattice::extract::{ExtractParams, Iso, extract};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
 use ivd_motion::handles::{Action, Anchor, Handle};
@@ -20,6 +22,8 @@ use ivd_session::{Event, Physics, Session, Settings};
 use nalgebra::Vector3;
 use serde::Serialize;
 
+pub use frames::FrameBench;
+use frames::frames;
 pub use page::interactive_page;
 
 use crate::experiment::Problem;
@@ -41,7 +45,7 @@ const HEAD: (usize, f64) = (128, 0.375);
 /// Drags over one volume.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct InteractiveBench {
-    /// Version of this layout: 2.
+    /// Version of this layout: 3.
     pub schema: u32,
     /// Version of the program.
     pub version: String,
@@ -57,6 +61,8 @@ pub struct InteractiveBench {
     pub farthest_mm: f64,
     /// One for every solver and level, level by level.
     pub drags: Vec<Drag>,
+    /// The same through the frame service, to the picture.
+    pub frames: FrameBench,
 }
 
 /// One drag.
@@ -98,26 +104,34 @@ pub struct FrameCost {
     pub bricks: usize,
 }
 
-/// Drags a handle over the volume of `options`, or over a generated head.
+/// Drags a handle over the volume of `options`, or over a generated head; then through the frame service.
 ///
 /// - `iso`: where the given volume is cut; without it, the densest part's own value.
+/// - `source`: what the frame service opens.
 ///
 /// # Errors
 /// [`Error::Failed`] with what failed; cancelled.
-pub fn interactive(options: &Options, iso: Option<f64>, exec: &Exec) -> Result<InteractiveBench, Error> {
+pub fn interactive(
+    options: &Options,
+    iso: Option<f64>,
+    source: &Source,
+    exec: &Exec,
+) -> Result<InteractiveBench, Error> {
     let failed = |problem: Problem| Error::Failed {
         stage: "interactive".to_owned(),
         knobs: "the drag".to_owned(),
         problem: problem.to_string(),
     };
     let quick = options.repeats <= Options::quick().repeats;
-    measured(options, iso, FRAMES[usize::from(quick)], exec).map_err(failed)
+    let frames = frames(options, source, exec)?;
+    measured(options, iso, FRAMES[usize::from(quick)], frames, exec).map_err(failed)
 }
 
 fn measured(
     options: &Options,
     iso: Option<f64>,
-    frames: usize,
+    count: usize,
+    frames: FrameBench,
     exec: &Exec,
 ) -> Result<InteractiveBench, Problem> {
     let (words, volume, lattice) = input(options, iso, exec)?;
@@ -126,7 +140,7 @@ fn measured(
     // A vertex that all levels have, or nearly.
     let coarsest = RefineParams { target: Target::Level(LEVELS[4]).into(), ..RefineParams::default() };
     let top = outermost(&collapse(&lattice, &coarsest, exec)?.lattice)?;
-    let path = path(frames, FARTHEST * radius);
+    let path = path(count, FARTHEST * radius);
     let solvers = [("ring", Physics::Ring(RingParams::default())), ("projective", projective(GRIP * radius))];
     exec.observer().begin("drags", (solvers.len() * LEVELS.len()) as u64);
     let mut drags = Vec::new();
@@ -150,7 +164,7 @@ fn measured(
     }
     exec.observer().end("drags");
     Ok(InteractiveBench {
-        schema: 2,
+        schema: 3,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         threads: exec.threads(),
         input: words,
@@ -158,6 +172,7 @@ fn measured(
         radius_mm: radius,
         farthest_mm: FARTHEST * radius,
         drags,
+        frames,
     })
 }
 
@@ -247,11 +262,8 @@ fn drag(
         }
     }
     let figures = |of: fn(&FrameCost) -> f64| {
-        let mut sorted: Vec<f64> = frames.iter().map(of).collect();
-        sorted.sort_by(f64::total_cmp);
-        let rank =
-            |share: f64| sorted[((share * sorted.len() as f64).ceil() as usize).clamp(1, sorted.len()) - 1];
-        [rank(0.5), rank(0.99), of(&frames[0])]
+        let all: Vec<f64> = frames.iter().map(of).collect();
+        [rank(&all, 0.5), rank(&all, 0.99), all[0]]
     };
     let (cpu_ms, wall_ms) = (figures(|f| f.cpu_ms), figures(|f| f.wall_ms));
     let drag = Drag {
@@ -267,6 +279,13 @@ fn drag(
         frames,
     };
     Ok((drag, farthest))
+}
+
+/// The value that a share of all is not above; of one at least.
+fn rank(all: &[f64], share: f64) -> f64 {
+    let mut sorted = all.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[((share * sorted.len() as f64).ceil() as usize).clamp(1, sorted.len()) - 1]
 }
 
 /// Root mean square and largest difference of two fields (voxels) where either isn't 0.
@@ -299,7 +318,13 @@ mod tests {
     #[test]
     fn drags_move_voxels_and_coarser_levels_are_further_from_the_finest() {
         let options = Options { size: 64, repeats: 1, ..Options::default() };
-        let bench = measured(&options, None, 8, &Exec::default()).unwrap();
+        let overrides = ["input.size=48", "refine.level=1"].map(|key| key.parse().unwrap()).to_vec();
+        let head = Source { overrides, ..Source::default() };
+        let frames = frames::followed(&head, 12, &Exec::default()).unwrap();
+        assert_eq!((frames.dims[0], frames.event_ms.len(), frames.refused), (48, 12, 0));
+        assert_eq!(frames.divided.iter().sum::<usize>(), 12);
+        assert!(frames.coarse_error.is_none_or(|[rms, most]| rms > 0.0 && rms < most));
+        let bench = measured(&options, None, 8, frames, &Exec::default()).unwrap();
         assert_eq!(bench.drags.len(), 2 * LEVELS.len());
         for drag in &bench.drags {
             // The coarsest surfaces of so small a head, of triangles as large as the push, may be too stiff to be followed.
@@ -320,7 +345,7 @@ mod tests {
             assert!(solver[1].error_voxel[0] < solver[2].error_voxel[0], "{}", solver[0].solver);
         }
         let page = interactive_page(&bench);
-        assert!(page.contains("projective") && page.contains("<svg"));
+        assert!(page.contains("projective") && page.contains("<svg") && page.contains("frame service"));
     }
 
     #[test]

@@ -2,7 +2,7 @@ use std::fmt::Write as _;
 
 use ivd_report::html::{escape, number};
 
-use super::{Drag, InteractiveBench};
+use super::{Drag, FrameBench, InteractiveBench};
 use crate::page::STYLE;
 use crate::plot::{Curve, curves};
 
@@ -60,6 +60,48 @@ pub fn interactive_page(bench: &InteractiveBench) -> String {
             "difference from level 0, root mean square (voxels)"
         )
     );
+    html.push_str(&pictures(&bench.frames));
     html.push_str("</body></html>\n");
     html
+}
+
+/// What the frame service took, as a table.
+fn pictures(frames: &FrameBench) -> String {
+    let [opened, first] = frames.opened_s;
+    let [solve, map, values, pictures] = frames.parts_ms;
+    let [middle, most, longest] = frames.picture_ms;
+    let row = |what: &str, figures: &[f64]| {
+        let figures: Vec<String> = figures.iter().copied().map(number).collect();
+        format!("<tr><td>{what}</td><td>{}</td></tr>", figures.join(", "))
+    };
+    let loaded = frames.load.map_or_else(String::new, |load| format!(", load {} before", number(load)));
+    let mut rows = vec![
+        row(
+            "from an event to the picture that shows it: median, 99 %, longest (ms)",
+            &[middle, most, longest],
+        ),
+        row("processor time of an event (ms)", &[frames.cpu_ms]),
+        row("lattice, map, values, pictures (ms)", &[solve, map, values, pictures]),
+        row("placing the handle (ms)", &[frames.placed_ms]),
+        row("whole picture after the last event (ms)", &[frames.whole_ms]),
+        row("opened, first picture after the start (s)", &[opened, first]),
+        row("pictures with sides divided by 1, 2, 3, 4", &frames.divided.map(|n| n as f64)),
+        row("events refused", &[frames.refused as f64]),
+    ];
+    if let Some(error) = frames.coarse_error {
+        rows.push(row("a coarse picture from the whole one: root mean square, largest (of 255)", &error));
+    }
+    format!(
+        "<h2>Through the frame service</h2><p>{}, {:?} voxels, {} vertices at level {}, {} threads{loaded}. A pane of {} × {} pixels and three slices; \
+         {} events, each after the picture of the one before.</p><table>{}</table>",
+        escape(&frames.input),
+        frames.dims,
+        frames.vertices,
+        frames.level,
+        frames.threads,
+        frames.pane[0],
+        frames.pane[1],
+        frames.event_ms.len(),
+        rows.concat()
+    )
 }

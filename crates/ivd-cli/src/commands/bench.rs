@@ -169,7 +169,8 @@ impl Request<'_> {
     /// Drags a handle.
     fn interactive(self, Output { object, text }: &mut Output) -> anyhow::Result<()> {
         let Self { options, args, context } = self;
-        let bench = ivd_bench::interactive(options, args.iso, &context.exec).map_err(failed)?;
+        let bench =
+            ivd_bench::interactive(options, args.iso, &source(args)?, &context.exec).map_err(failed)?;
         let page = self.write(INTERACTIVE, &bench, &ivd_bench::interactive_page(&bench))?;
         let _ = writeln!(text, "{}, {:?} voxels", bench.input, bench.dims);
         for drag in &bench.drags {
@@ -187,10 +188,34 @@ impl Request<'_> {
                 drag.error_voxel[0]
             );
         }
+        let frames = &bench.frames;
+        let _ = writeln!(
+            text,
+            "  to the picture: {:.0} ms, 99 % {:.0}; placing {:.0}, whole {:.0} ms after the last; first picture after {:.1} s; sides divided by 1, 2, 3, 4 in {:?}",
+            frames.picture_ms[0],
+            frames.picture_ms[1],
+            frames.placed_ms,
+            frames.whole_ms,
+            frames.opened_s[1],
+            frames.divided
+        );
         let _ = writeln!(text, "{}", page.display());
         object["interactive_page"] = json!(page);
         Ok(())
     }
+}
+
+/// What the frame service opens: the given scan at level 2, or the demo's head.
+fn source(args: &Args) -> anyhow::Result<ivd_frames::Source> {
+    let size = args.size.map(|size| format!("input.size={size}"));
+    let keys = match &args.input {
+        None => size,
+        Some(_) => args.iso.map(|iso| format!("lattice.iso={iso}")),
+    };
+    let level = args.input.as_ref().map(|_| "refine.level=2".to_owned());
+    let overrides = keys.into_iter().chain(level).map(|key| key.parse().map_err(Failure::usage));
+    let overrides = overrides.collect::<Result<_, _>>()?;
+    Ok(ivd_frames::Source { file: args.input.clone(), input: None, overrides })
 }
 
 /// Makes a folder for what was measured.

@@ -5,3 +5,4 @@ mod gestures;
 mod scenes;
 mod scripts;
 mod service;
+mod soak;

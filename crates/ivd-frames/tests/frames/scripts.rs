@@ -117,7 +117,7 @@ fn made(text: &str) -> (Option<Displacement>, Volume) {
     (displacement, volume.unwrap())
 }
 
-fn assert_as_piped(model: &Model) {
+pub(crate) fn assert_as_piped(model: &Model) {
     let text = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
     let text = String::from_utf8(text.bytes).unwrap();
     let (displacement, volume) = made(&text);
