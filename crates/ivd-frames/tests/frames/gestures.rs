@@ -3,7 +3,7 @@
 use ivd_core::{Exec, VoxelCoord, VoxelIndex};
 use ivd_field::sampler::Sampler;
 use ivd_frames::{Axis, Figures, Model, Pane, Request};
-use nalgebra::Vector3;
+use nalgebra::{Matrix4, Vector3, Vector4};
 
 use super::common::{BALL, model};
 
@@ -272,4 +272,50 @@ fn a_slider_that_is_held_is_one_step_and_is_called_by_what_it_does() {
     // One that is held and not moved is none.
     follow(&mut model, &Request::Adjust);
     assert_eq!(follow(&mut model, &Request::Drop).undo, None);
+}
+
+#[test]
+fn only_pixels_whose_rays_meet_bricks_that_changed_change() {
+    let mut model = model(BALL);
+    // What stays where it is tells where places are seen: four of them, not in one plane.
+    let places = [[26.0, 16.0, 16.0], [6.0, 16.0, 16.0], [16.0, 5.0, 16.0], [16.0, 16.0, 27.0]];
+    for place in places {
+        follow(&mut model, &Request::Add { place, by: [0.0; 3] });
+    }
+    let spots = model.figures().handles;
+    let rest = Matrix4::from_fn(|i, a| if a < 3 { spots[i].rest[a] } else { 1.0 });
+    let solved = rest.try_inverse().unwrap();
+    let seen = [0, 1].map(|a| solved * Vector4::from_fn(|i, _| spots[i].at[0].unwrap()[a] * 128.0 - 0.5));
+    let draw = |model: &Model| model.draw(Pane::Volume, 1, &Exec::default()).unwrap();
+    let before = draw(&model);
+    let figures = follow(&mut model, &Request::Move { handle: spots[0].id, by: [1.5, 0.0, 0.5] });
+    assert_eq!(figures.refused, None);
+    let after = draw(&model);
+    let mut may_change = vec![false; 128 * 128];
+    let bricks = model.session().displacement().inverse().brick_dims();
+    for &brick in &model.session().last().dirty {
+        let first = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+        // A value is seen up to a voxel beyond its own, and in the slope of one further.
+        let ends = first.map(|b| [8.0 * b as f64 - 2.0, 8.0 * b as f64 + 9.0]);
+        let corners = (0..8).map(|i| {
+            let corner = [ends[0][i & 1], ends[1][i >> 1 & 1], ends[2][i >> 2]];
+            let voxel = VoxelCoord(corner.into());
+            let place = model.session().rest().grid().world(voxel).0;
+            [0, 1].map(|a| seen[a].dot(&Vector4::new(place.x, place.y, place.z, 1.0)))
+        });
+        let all: Vec<[f64; 2]> = corners.collect();
+        let [x, y] = [0, 1].map(|a| {
+            let low = all.iter().map(|c| c[a]).fold(f64::INFINITY, f64::min).floor().max(0.0) as usize;
+            let high =
+                all.iter().map(|c| c[a]).fold(f64::NEG_INFINITY, f64::max).ceil().clamp(0.0, 127.0) as usize;
+            low..high + 1
+        });
+        y.for_each(|row| may_change[128 * row..][x.clone()].fill(true));
+    }
+    let changed = |i: &usize| before.rgba()[4 * i..][..4] != after.rgba()[4 * i..][..4];
+    let changed: Vec<usize> = (0..128 * 128).filter(changed).collect();
+    assert!(changed.len() * 100 >= 128 * 128, "{} pixels", changed.len());
+    assert!(changed.iter().all(|&i| may_change[i]));
+    let may = may_change.iter().filter(|may| **may).count();
+    assert!(may < 128 * 128 / 2, "{may} pixels could change");
 }
