@@ -29,7 +29,7 @@ stress:
     IVD_STRESS_EVERY=1 cargo test --release -p ivd-cli --test integration hostile
     cargo test --release -p ivd-segment -p ivd-boundary -- --ignored --nocapture
     cargo test --release -p ivd-field -p ivd-motion -p ivd-map -- --ignored --nocapture
-    cargo test --release -p ivd-gpu --test integration -- --ignored --nocapture
+    IVD_STRESS_EVERY=1 cargo test --release -p ivd-gpu --test integration -- --include-ignored --nocapture
     cargo build
     cargo build --release
     bash tests/determinism.sh target/debug/ivd target/release/ivd

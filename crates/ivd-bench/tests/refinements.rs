@@ -11,7 +11,7 @@ use ivd_phantom::Shape;
 #[test]
 fn every_row_has_its_figures_and_its_pictures_and_counts_are_what_was_asked_for() {
     let params = ivd_phantom::Params {
-        size: 32,
+        size: 24,
         shape: Shape::Torus,
         noise: Some(0.0),
         ..ivd_phantom::Params::default()
