@@ -13,11 +13,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Ray, diagonal};
-use crate::cast::{Cast, Field, first_hit_by};
-use crate::dvr::{Optics, Step};
-use crate::frame::{LANES, Packet};
+use crate::cast::{Cast, Field, first_hit_by, first_place};
+use crate::dvr::{Optics, Step, dvr};
 use crate::light::Light;
-use crate::wide::{self, Looks, Pairs, Wide};
+use crate::samples::Stored;
 
 /// Most rays about a place.
 const MOST_RAYS: u32 = 4096;
@@ -86,45 +85,25 @@ impl<'a> Around<'a> {
     /// What is left at a place (voxel coordinate) that faces along a normal, or every way.
     ///
     /// - `adds`: share that the place has of its pixel.
-    /// - `opacities`: what rays of a packet meet.
-    fn left(
-        &self,
-        at: [f32; 3],
-        normal: Option<[f32; 3]>,
-        adds: f32,
-        opacities: impl Fn(&Packet) -> [f32; LANES],
-    ) -> Left {
+    /// - `through`: how much of the light comes through along a ray.
+    fn left(&self, at: [f32; 3], normal: Option<[f32; 3]>, adds: f32, through: impl Fn(&Ray) -> f32) -> Left {
         let normal = normal.map(|n| Vector3::from(n.map(f64::from)));
         let from = Vector3::from(at.map(f64::from));
         let origin = normal.map_or(from, |normal| from + self.camera.in_voxels(normal * self.voxel(normal)));
-        let ray = |direction: Vector3<f64>, reach: f64| {
+        let open = |direction: Vector3<f64>, reach: f64| {
             // Along the ray itself where there is no normal.
             let near = if normal.is_some() { 0.0 } else { self.voxel(direction) };
-            self.camera.ray_along(origin, direction, [near, near + reach])
+            let ray = self.camera.ray_along(origin, direction, [near, near + reach]);
+            ray.map_or(1.0, |ray| through(&ray))
         };
-        let rays = match self.asked.ao {
-            0 => 0,
-            all => (all as f32 * (adds / FULL).min(1.0)).ceil().max(1.0) as u32,
-        };
-        let turn = turn(at, self.asked.seed);
-        let lamps = u32::from(self.asked.shadow);
-        let nth = |i: u32| match i.checked_sub(lamps) {
-            None => ray(self.lamp, f64::INFINITY),
-            Some(i) if i < rays => ray(direction(i, rays, turn, normal), self.reach),
-            Some(_) => None,
-        };
-        let (mut lamp, mut sum) = (1.0, 0.0);
-        for first in (0..lamps + rays).step_by(LANES) {
-            let packet: Packet = std::array::from_fn(|lane| nth(first + lane as u32));
-            for (i, opacity) in (first..lamps + rays).zip(opacities(&packet)) {
-                if i < lamps {
-                    lamp = 1.0 - opacity;
-                } else {
-                    sum += 1.0 - opacity;
-                }
-            }
+        let lamp = if self.asked.shadow { open(self.lamp, f64::INFINITY) } else { 1.0 };
+        if self.asked.ao == 0 {
+            return Left { ambient: 1.0, lamp };
         }
-        Left { ambient: if rays > 0 { sum / rays as f32 } else { 1.0 }, lamp }
+        let turn = turn(at, self.asked.seed);
+        let rays = (self.asked.ao as f32 * (adds / FULL).min(1.0)).ceil().max(1.0) as u32;
+        let sum: f32 = (0..rays).map(|i| open(direction(i, rays, turn, normal), self.reach)).sum();
+        Left { ambient: sum / rays as f32, lamp }
     }
 }
 
@@ -170,13 +149,11 @@ pub(crate) struct Surrounded<'a, O> {
     pub(crate) around: Around<'a>,
     /// Whether gradients turn places to the lamp; else they scatter every way alike.
     pub(crate) is_shaded: bool,
-    /// How rays about a place are cast.
-    pub(crate) wide: Wide,
 }
 
 impl<O> Surrounded<'_, O> {
     /// Opacity decides how much comes through. `before`: what lies before it lets through so much.
-    fn lit_at<T: Pairs>(
+    fn lit_at<T: Stored>(
         &self,
         field: &Field<'_, T>,
         entry: [f32; 4],
@@ -185,19 +162,18 @@ impl<O> Surrounded<'_, O> {
         before: f32,
     ) -> [f32; 4]
     where
-        O: Looks<T>,
+        O: Optics<T>,
     {
-        let opacities =
-            |rays: &Packet| wide::dvr(self.wide, field, &self.unlit, OPAQUE, rays).map(|cast| cast.rgba[3]);
-        field.light.lit_by(entry, normal, self.around.left(at, normal, before * entry[3], opacities))
+        let through = |ray: &Ray| 1.0 - dvr(field, &self.unlit, OPAQUE, ray).rgba[3];
+        field.light.lit_by(entry, normal, self.around.left(at, normal, before * entry[3], through))
     }
 
-    fn normal<T: Pairs>(&self, field: &Field<'_, T>, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
+    fn normal<T: Stored>(&self, field: &Field<'_, T>, at: [f32; 3], moves: bool) -> Option<[f32; 3]> {
         field.normal_there(at, moves).filter(|_| self.is_shaded)
     }
 }
 
-impl<T: Pairs, O: Looks<T> + Copy> Optics<T> for Surrounded<'_, O> {
+impl<T: Stored, O: Optics<T> + Copy> Optics<T> for Surrounded<'_, O> {
     type End = O::End;
 
     fn step(
@@ -234,18 +210,17 @@ impl<T: Pairs, O: Looks<T> + Copy> Optics<T> for Surrounded<'_, O> {
 }
 
 /// First hit of a surface, lit by what its surroundings leave: the surface lets nothing through.
-pub(crate) fn first_hit<T: Pairs>(
+pub(crate) fn first_hit<T: Stored>(
     field: &Field<'_, T>,
-    (iso, sign): (f32, f32),
+    iso: f32,
+    sign: f32,
     [r, g, b]: [f32; 3],
     around: &Around<'_>,
-    wide: Wide,
     ray: &Ray,
 ) -> Cast {
-    let opacities =
-        |rays: &Packet| wide::first_hit(wide, field, iso, sign, [0.0; 3], rays).map(|cast| cast.rgba[3]);
+    let through = |ray: &Ray| if first_place(field, iso, sign, ray).0.is_some() { 0.0 } else { 1.0 };
     first_hit_by(field, iso, sign, ray, |at, normal| {
-        field.light.lit_by([r, g, b, 1.0], normal, around.left(at, normal, 1.0, opacities))
+        field.light.lit_by([r, g, b, 1.0], normal, around.left(at, normal, 1.0, through))
     })
 }
 

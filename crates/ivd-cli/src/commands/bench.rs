@@ -207,13 +207,9 @@ impl Request<'_> {
 
 /// What the frame service opens: the given scan at level 2, or the demo's head.
 fn source(args: &Args) -> anyhow::Result<ivd_frames::Source> {
-    let size = args.size.map(|size| format!("input.size={size}"));
-    let keys = match &args.input {
-        None => size,
-        Some(_) => args.iso.map(|iso| format!("lattice.iso={iso}")),
-    };
+    let iso = args.iso.map(|iso| format!("lattice.iso={iso}"));
     let level = args.input.as_ref().map(|_| "refine.level=2".to_owned());
-    let overrides = keys.into_iter().chain(level).map(|key| key.parse().map_err(Failure::usage));
+    let overrides = iso.into_iter().chain(level).map(|key| key.parse().map_err(Failure::usage));
     let overrides = overrides.collect::<Result<_, _>>()?;
     Ok(ivd_frames::Source { file: args.input.clone(), input: None, overrides })
 }

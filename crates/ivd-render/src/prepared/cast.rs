@@ -109,7 +109,7 @@ impl Prepared<'_> {
     }
 
     /// What isn't cast in packets: slices, and what its surroundings take light from.
-    fn cast_otherwise<T: Pairs>(
+    fn cast_otherwise<T: Stored>(
         &self,
         field: &Field<'_, T>,
         params: &RenderParams,
@@ -132,23 +132,23 @@ impl Prepared<'_> {
             return None;
         }
         let around = Around::new(params.surroundings, camera, &field.light, self.scene.volume.grid());
-        let (is_shaded, wide) = (params.shading, self.wide(exec));
+        let is_shaded = params.shading;
         let found = match &self.optics {
             ModeState::Dvr(classifier) if field.ids.is_empty() => {
-                let looks = Surrounded { unlit: AtMiddle::<false, false>(classifier), around, is_shaded, wide };
+                let looks = Surrounded { unlit: AtMiddle::<false, false>(classifier), around, is_shaded };
                 tiles(camera, exec, |rays| one_by_one(rays, |ray| plain(field, &looks, termination, ray)))
             }
             ModeState::Dvr(classifier) => {
-                let looks = Surrounded { unlit: AtMiddle::<true, false>(classifier), around, is_shaded, wide };
+                let looks = Surrounded { unlit: AtMiddle::<true, false>(classifier), around, is_shaded };
                 tiles(camera, exec, |rays| one_by_one(rays, |ray| plain(field, &looks, termination, ray)))
             }
             ModeState::PreIntegrated(table) => {
-                let looks = Surrounded { unlit: AtEnds::<false>(table), around, is_shaded, wide };
+                let looks = Surrounded { unlit: AtEnds::<false>(table), around, is_shaded };
                 tiles(camera, exec, |rays| one_by_one(rays, |ray| plain(field, &looks, termination, ray)))
             }
             ModeState::Iso(iso) => {
                 let (colour, sign) = (params.surface.map(|c| c as f32), self.sign() as f32);
-                let cast = |ray: &Ray| surroundings::first_hit(field, (*iso, sign), colour, &around, wide, ray);
+                let cast = |ray: &Ray| surroundings::first_hit(field, *iso, sign, colour, &around, ray);
                 tiles(camera, exec, |rays| one_by_one(rays, cast))
             }
             ModeState::Projection(_) => return None,
