@@ -4,6 +4,7 @@
 //! - [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through a [`Displacement`](ivd_core::Displacement). Only bricks
 //!   that moved are visited.
 //! - [`given::displacement`] makes a displacement of one field, such as another program's.
+//! - [`place::moved`] and [`place::at_rest`] take single places there and back.
 //! - [`onto::labels`] and [`onto::mask`] put what was drawn on another grid onto that of a volume.
 //! - [`combine`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
 //! - [`class_volume::by_class`] tells what every class gains or loses.
@@ -45,6 +46,7 @@ pub mod inverse;
 pub mod lies;
 pub mod onto;
 pub mod param;
+pub mod place;
 pub mod sampler;
 pub mod shape;
 mod simd;

@@ -381,12 +381,12 @@ impl Session {
         if next.warp != *self.deformed.params() || !exec.skip {
             let mut deformed = Deformed::new(&self.volume, next.warp.clone(), exec)?;
             let all = || (0..after.displacement.inverse().table().len()).collect();
-            let here = if exec.skip { touched(&after.displacement) } else { all() };
+            let here = if exec.skip { touched(&after.displacement)? } else { all() };
             update.voxels = deformed.update(&self.volume, &after.displacement, &here, exec)?;
-            update.dirty = merged(&here, &touched(before));
+            update.dirty = merged(&here, &touched(before)?);
             self.deformed = deformed;
         } else if moved.is_some() {
-            update.dirty = changed(before, &after.displacement)?;
+            update.dirty = after.displacement.changed(before)?;
             update.voxels = self.deformed.update(&self.volume, &after.displacement, &update.dirty, exec)?;
         }
         Ok(update)
@@ -421,23 +421,9 @@ fn largest(displacement: &Displacement) -> f64 {
     displacement.forward().vectors().iter().map(squared).fold(0.0, f64::max).sqrt()
 }
 
-/// Bricks whose voxels a displacement moves or leaves behind, ascending.
-fn touched(displacement: &Displacement) -> Vec<usize> {
-    let left = !displacement.vacated().is_empty();
-    let stored = |b: &usize| {
-        displacement.inverse().brick(*b).is_some() || left && displacement.forward().brick(*b).is_some()
-    };
-    (0..displacement.inverse().table().len()).filter(stored).collect()
-}
-
-/// Bricks in which two displacements give other values, ascending.
-fn changed(before: &Displacement, after: &Displacement) -> Result<Vec<usize>, Error> {
-    let mut dirty = after.inverse().changed(before.inverse())?;
-    if !(before.vacated().is_empty() && after.vacated().is_empty()) {
-        // What was left behind lies where something moved from.
-        dirty = merged(&dirty, &merged(&touched(before), &touched(after)));
-    }
-    Ok(dirty)
+/// Bricks in which a displacement shows anything else than rest, ascending.
+fn touched(displacement: &Displacement) -> Result<Vec<usize>, Error> {
+    Ok(displacement.changed(&Displacement::identity(displacement.grid().clone()))?)
 }
 
 /// Two ascending lists as one.

@@ -10,6 +10,7 @@
 //! extent, as ITK has it), where a voxel that is no data takes part in its value, or where a part moved away.
 
 mod deformed;
+mod deformed_labels;
 mod labels;
 mod params;
 pub mod plan;
@@ -29,6 +30,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 pub use deformed::Deformed;
+pub use deformed_labels::DeformedLabels;
 pub(crate) use labels::{label_background, recount};
 pub use labels::{labels, mask};
 pub use params::{Order, WarpParams};
