@@ -34,6 +34,9 @@
 //! ```
 #![deny(unsafe_code)]
 
+#[macro_use]
+mod one_type;
+
 pub mod certificate;
 pub mod class_volume;
 pub mod clip;

@@ -43,13 +43,17 @@ pub fn at_rest(displacement: &Displacement, now: VoxelCoord) -> VoxelCoord {
     let mut rest = now.0 + OneSided::new(displacement, Space::Deformed, side).at(now.0);
     let mut off = rest + forward.at(rest) - now.0;
     for _ in 0..NEWTON {
+        // Further beyond the lip than its side is known the inverse field has gone on already.
+        if !forward.knows(rest) {
+            break;
+        }
         let (cell, within) = forward.field.locate(rest);
         let slope = Matrix3::identity() + gradient(&forward.corners(cell), within);
         let Some(step) = slope.try_inverse().map(|inverse| inverse * off) else { break };
         let next = rest - step;
         let left = next + forward.at(next) - now.0;
         // Where nothing has gone from, as beside what is left behind, no step comes nearer.
-        if left.norm() >= off.norm() {
+        if !forward.knows(next) || left.norm() >= off.norm() {
             break;
         }
         (rest, off) = (next, left);
@@ -121,6 +125,12 @@ impl<'a> OneSided<'a> {
     fn at(&self, place: Vector3<f64>) -> Vector3<f64> {
         let (cell, within) = self.field.locate(place);
         interpolate(&self.corners(cell), within)
+    }
+
+    /// Whether the side has a voxel in the cell of a place.
+    fn knows(&self, place: Vector3<f64>) -> bool {
+        let (cell, _) = self.field.locate(place);
+        self.side == 0 || (0..8).any(|corner| self.counts(corner_of(cell, corner)))
     }
 
     fn counts(&self, voxel: [i64; 3]) -> bool {

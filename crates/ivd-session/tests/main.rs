@@ -1,3 +1,5 @@
 //! The one test program of this crate.
 
+mod common;
 mod drag;
+mod parts;

@@ -13,19 +13,6 @@ use super::{Order, WarpParams, check_grid, for_each_row, linear_row, sided};
 use crate::Error;
 use crate::sampler::brick_at;
 
-/// Runs the same code on two buffers of one type, whatever it is.
-macro_rules! of_one_type {
-    ($a:expr, $b:expr, $x:ident, $y:ident => $body:expr) => {
-        of_one_type!(@ $a, $b, $x, $y => $body; U8 I8 U16 I16 U32 I32 F32 F64)
-    };
-    (@ $a:expr, $b:expr, $x:ident, $y:ident => $body:expr; $($tag:ident)*) => {
-        match ($a, $b) {
-            $((Voxels::$tag($x), Voxels::$tag($y)) => Some($body),)*
-            _ => None,
-        }
-    };
-}
-
 /// What [`volume`](super::volume) makes of a volume, made anew brick by brick where its displacement changed.
 ///
 /// Memory: one copy of the voxels. Whoever keeps a clone of [`Deformed::output`] while it is updated makes it copy them again, and no

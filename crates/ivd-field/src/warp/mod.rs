@@ -257,7 +257,7 @@ fn linear_slab<T: Scalar>(
 
 /// Calls `each` with every row of a brick that lies in the grid: its first voxel, its first vector in the brick, and its voxels in
 /// the brick's slab of eight slices.
-fn for_each_row(
+pub(crate) fn for_each_row(
     [nx, ny, nz]: [usize; 3],
     [bx, by, bz]: [usize; 3],
     mut each: impl FnMut([usize; 3], usize, std::ops::Range<usize>),
