@@ -148,12 +148,12 @@ impl<'a> OneSided<'a> {
             return known;
         }
         std::array::from_fn(|corner| {
-            if own[corner] { known[corner] } else { self.going_on(cell, corner, &known, &own) }
+            if own[corner] { known[corner] } else { self.going_on(cell, corner, &known, own) }
         })
     }
 
     /// What a corner would have if its side went on: straight on along the axes where two voxels say how, else as the next corners.
-    fn going_on(&self, cell: [i64; 3], corner: usize, known: &Corners, own: &[bool; 8]) -> Vector3<f64> {
+    fn going_on(&self, cell: [i64; 3], corner: usize, known: &Corners, own: [bool; 8]) -> Vector3<f64> {
         let here = corner_of(cell, corner);
         let beside = || (0..3).map(|a| corner ^ (1 << a)).filter(|near| own[*near]);
         let straight = beside().filter_map(|near| {

@@ -93,7 +93,7 @@ pub enum Event {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<Id>,
         /// The bone; without a name it is called by its number.
-        bone: Bone,
+        bone: Box<Bone>,
     },
     /// A bone is moved by a motion that is given, counted from rest.
     Turn {

@@ -124,12 +124,11 @@ impl Level {
             bones,
         };
         let kept = self.springs.take().filter(|(other, _)| *other == held).map(|(_, prepared)| prepared);
-        let mut prepared = match kept {
-            Some(prepared) => prepared,
-            None => {
-                let (lattice, bones) = (self.lattice.clone(), &held.bones);
-                mass_spring::Prepared::with_bones(lattice, labels, &handles, &fixed, bones, params, exec)?
-            }
+        let mut prepared = if let Some(prepared) = kept {
+            prepared
+        } else {
+            let (lattice, bones) = (self.lattice.clone(), &held.bones);
+            mass_spring::Prepared::with_bones(lattice, labels, &handles, &fixed, bones, params, exec)?
         };
         prepared.forget();
         let solved = prepared.update(&handles, exec);

@@ -4,7 +4,8 @@ use ivd_core::ParamError;
 use ivd_core::op::Op as _;
 use ivd_field::shape::Shape;
 use ivd_field::warp::WarpParams;
-use ivd_map::{BiharmonicParams, FemParams, OctreeParams, Outside, space};
+use ivd_map::space::{self, Step};
+use ivd_map::{BiharmonicParams, FemParams, OctreeParams, Outside};
 use ivd_motion::deform::Bone;
 use ivd_motion::handles::{Action, Handle, Pin};
 use ivd_motion::mass_spring;
@@ -95,7 +96,7 @@ pub struct Settings {
     /// How the voxels follow.
     pub map: MapChoice,
     /// Steps in space, after that.
-    pub space: Vec<Numbered<space::Step>>,
+    pub space: Vec<Numbered<Step>>,
     /// How their values are found.
     pub warp: WarpParams,
     /// What of the deformed volume is kept.
@@ -175,6 +176,19 @@ impl Settings {
             && (shapes, bones, physics) == (&other.shapes, &other.bones, &other.physics)
     }
 
+    /// Whether something goes by classes, and labels are needed.
+    pub fn knows_classes(&self) -> bool {
+        let by_material = match (&self.physics, &self.map) {
+            (Physics::Springs(params), _) if !params.springs.material.is_empty() => true,
+            (_, MapChoice::Fem(params)) => !params.material.is_empty(),
+            _ => false,
+        };
+        let by_links = |step: &Step| matches!(step, Step::Chain(mail) if !mail.material.is_empty());
+        by_material
+            || self.bones.iter().any(|bone| bone.class.is_some())
+            || self.space.iter().any(|step| by_links(step))
+    }
+
     /// The bones as solvers take them.
     pub(crate) fn bone_specs(&self) -> Result<Vec<BoneSpec>, Error> {
         let read = |(i, bone): (usize, &Numbered<Bone>)| Ok(bone.read(i)?);
@@ -225,7 +239,7 @@ impl Settings {
             Event::Release { fix } => take("release", "fix", &mut next.fixed, *fix)?,
             Event::Shape { id, shape } => add("shape", &mut next.shapes, *id, *shape)?,
             Event::Unshape { shape } => take("unshape", "shape", &mut next.shapes, *shape)?,
-            Event::Bone { id, bone } => add("bone", &mut next.bones, *id, bone.clone())?,
+            Event::Bone { id, bone } => add("bone", &mut next.bones, *id, (**bone).clone())?,
             Event::Turn { bone, to } => {
                 let bone = at("turn", "bone", &mut next.bones, *bone)?;
                 (bone.pivot, bone.axis, bone.angle) = (Some(to.pivot), Some(to.axis), Some(to.angle));

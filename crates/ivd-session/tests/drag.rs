@@ -151,7 +151,7 @@ impl Draw {
             }),
             14 => Event::Level([0, 1, 2, 2, 3, 17][self.below(6)]),
             15 if self.below(4) == 0 => Event::Reset,
-            17 | 28 => Event::Bone { id: None, bone: self.bone() },
+            17 | 28 => Event::Bone { id: None, bone: Box::new(self.bone()) },
             18 | 29 | 30 => Event::Turn { bone: id(self, 3), to: self.turn() },
             19 => Event::Unbone { bone: id(self, 3) },
             20 => Event::Space { id: None, step: self.step() },

@@ -1,5 +1,4 @@
 //! Bones, steps in space, clips and labels: parts of the state as handles are.
-#![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
 
 use ivd_core::{Exec, VoxelIndex};
 use ivd_field::clip::{Cuboid, HalfSpace};
@@ -47,6 +46,10 @@ fn cap(direction: [f64; 3]) -> Bone {
     Bone { centre: Some(centre), radius: Some(4.0), reach: 6.0, ..Bone::default() }
 }
 
+fn bone(bone: Bone) -> Event {
+    Event::Bone { id: None, bone: Box::new(bone) }
+}
+
 fn turn(angle: f64, by: [f64; 3]) -> RigidTransform {
     RigidTransform { pivot: MIDDLE, axis: [0.2, 1.0, 0.0], angle, by }
 }
@@ -83,11 +86,11 @@ fn series() -> Vec<Event> {
         Event::Unspace { space: 0 },
         rule(true, None),
         springs(),
-        Event::Bone { id: None, bone: cap([1.0, 0.0, 0.0]) },
+        bone(cap([1.0, 0.0, 0.0])),
         Event::Turn { bone: 0, to: turn(4.0, [0.5, 0.0, 0.0]) },
         lift(0.6),
         Event::Turn { bone: 0, to: turn(-3.0, [0.0; 3]) },
-        Event::Bone { id: None, bone: Bone { class: Some(1), fit: true, ..cap([0.0, 0.0, 1.0]) } },
+        bone(Bone { class: Some(1), fit: true, ..cap([0.0, 0.0, 1.0]) }),
         Event::Unclip { clip: 1 },
         Event::Unbone { bone: 0 },
         Event::Unspace { space: 1 },
@@ -192,7 +195,7 @@ fn what_does_not_go_together_is_refused_by_name_and_changes_nothing() {
         assert!(error.contains(words), "{error}");
         assert!((session.settings(), session.deformed()) == (&before.0, &before.1));
     };
-    refused(&mut session, Event::Bone { id: None, bone: cap([0.0, 0.0, 1.0]) }, "rings know no bones");
+    refused(&mut session, bone(cap([0.0, 0.0, 1.0])), "rings know no bones");
     let rule = ClipRule { invert: true, ..ClipRule::default() };
     refused(&mut session, Event::ClipRule(rule), "nothing to clip by");
     refused(&mut session, Event::Unspace { space: 3 }, "no step in space 3, nor any other");
@@ -209,9 +212,9 @@ fn what_does_not_go_together_is_refused_by_name_and_changes_nothing() {
         "labels are of the volume at rest",
     );
     session.apply(springs(), &exec).unwrap();
-    session.apply(Event::Bone { id: None, bone: cap([1.0, 0.0, 0.0]) }, &exec).unwrap();
+    session.apply(bone(cap([1.0, 0.0, 0.0])), &exec).unwrap();
     refused(&mut session, Event::Physics(Physics::default()), "rings know no bones");
-    let two = Event::Bone { id: None, bone: Bone { name: Some("1".into()), ..cap([0.0, 1.0, 0.0]) } };
+    let two = bone(Bone { name: Some("1".into()), ..cap([0.0, 1.0, 0.0]) });
     refused(&mut session, two, "two bones are called 1");
     session.apply(Event::Reset, &exec).unwrap();
     assert!(session.displacement().is_identity() && session.settings().space.is_empty());
@@ -231,7 +234,7 @@ fn a_bone_keeps_its_name_when_another_goes() {
     assert_as_at_once(&session, &exec);
     let error = session.apply(Event::Unbone { bone: 1 }, &exec).unwrap_err().to_string();
     assert!(error.contains('1'), "its child still needs it: {error}");
-    session.apply(Event::Bone { id: None, bone: cap([0.0, 0.0, 1.0]) }, &exec).unwrap();
+    session.apply(bone(cap([0.0, 0.0, 1.0])), &exec).unwrap();
     let named: Vec<_> = session.settings().bones.iter().map(|bone| (bone.id, bone.name.clone())).collect();
     assert_eq!(named, [(1, Some("1".into())), (2, Some("2".into())), (3, Some("3".into()))]);
 }

@@ -1,7 +1,5 @@
 //! What is under the pointer, and what is held.
 
-use ivd_core::World;
-use ivd_field::place::at_rest;
 use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
@@ -21,11 +19,9 @@ const BESIDE: f64 = 2.5;
 const END_ON: f64 = 0.01;
 
 impl Model {
-    /// Where what is now at a place was at rest (mm, RAS); see [`at_rest`].
+    /// Where what is now at a place was at rest (mm, RAS); see [`ivd_field::place::at_rest`].
     pub fn rest_of(&self, place: [f64; 3]) -> [f64; 3] {
-        let displacement = self.session.displacement();
-        let grid = displacement.grid();
-        grid.world(at_rest(displacement, grid.voxel(World(place.into())))).0.into()
+        self.session.rest_of(place)
     }
 
     /// What lies under the pointer.

@@ -2,6 +2,7 @@
 
 mod hand;
 mod looks;
+mod parts;
 mod told;
 
 use std::time::{Duration, Instant};
@@ -282,6 +283,11 @@ impl Model {
                 self.apply(Event::Pin { id: None, pin })
             }
             Request::Release { fix } => self.apply(Event::Release { fix: *fix }),
+            Request::Incise { .. }
+            | Request::Close { .. }
+            | Request::Clip { .. }
+            | Request::Unclip { .. }
+            | Request::Turn { .. } => self.change_part(request),
             Request::Undo => {
                 self.let_go()?;
                 let exec = self.in_time();
@@ -415,7 +421,7 @@ impl Model {
 
     fn no_more_than(&self, most: usize) -> Result<(), Error> {
         let settings = self.session.settings();
-        let count = settings.handles.len().max(settings.fixed.len());
+        let count = settings.handles.len().max(settings.fixed.len()).max(settings.clip.parts.len());
         if count < most {
             return Ok(());
         }
