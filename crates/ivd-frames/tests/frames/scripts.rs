@@ -66,6 +66,21 @@ radius = 4.0
 reach = 6.0
 "#;
 
+/// A scene that is cut open and clipped as it begins.
+const OPENED: &str = r#"
+[[space.step]]
+kind = "cut"
+centre = [16.0, 16.0, 18.0]
+normal = [1.0, 0.0, 0.0]
+radius = 9.0
+open = 1.5
+[clip]
+space = "rest"
+[[clip.planes]]
+point = [16.0, 18.0, 16.0]
+normal = [0.0, -1.0, 0.0]
+"#;
+
 /// What is done to a session for the verb that no request does: steps in space other than a cut, and clips of the body at rest.
 fn events(draw: &mut Draw) -> Event {
     let kind = Kind::Translate { by: [0, 1, 2].map(|_| 1.6 * (draw.unit() - 0.5)) };
@@ -198,7 +213,7 @@ fn scripts_end_where_the_pipeline_does() {
     let scripts = 200 / every();
     let (mut moved, mut refused, mut parts) = (0, 0, [0; 3]);
     for script in 0..scripts {
-        let mut model = model(&if script % 2 == 0 { BALL.to_owned() } else { format!("{BALL}{BONED}") });
+        let mut model = model(&format!("{BALL}{}", ["", BONED, OPENED][script % 3]));
         let start = model.session().deformed().clone();
         // Something to work on, then the pairs of this script, each verb after the one before it.
         let mut verbs = vec!["drag"];
