@@ -105,8 +105,8 @@ impl Model {
             Some(Action::Move(by)) => Vector3::from(by),
             // Where the force has taken it: from there it goes with the hand.
             Some(Action::Force(_)) | None => {
-                let spot = self.spots.iter().find(|spot| spot.id == handle);
-                spot.map_or_else(Vector3::zeros, |spot| Vector3::from(spot.now) - Vector3::from(spot.rest))
+                let picks = find_picks(self.session.lattice(), "handle", held.map(|held| &held.at))?;
+                picks.first().map_or_else(Vector3::zeros, |pick| self.gone_by(pick.vertex))
             }
         };
         if let Some(held) = held {

@@ -312,3 +312,19 @@ fn an_incision_opens_changes_and_closes_and_what_is_clipped_is_gone() {
     assert_eq!(model.session().deformed(), &rest);
     assert_eq!(follow(&mut model, &incise(1.0)).space, [1], "a number that was given away isn't given again");
 }
+
+#[test]
+fn a_handle_is_shown_where_steps_in_space_take_what_it_holds() {
+    let push = "[[space.step]]\nkind = \"translate\"\nby = [0.0, 0.0, 1.5]\ncentre = [16.0, 28.0, 16.0]\nradius = 9.0\n";
+    let mut model = model(&format!("{BALL}{push}"));
+    let added = follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -0.5, 0.0] });
+    let spot = &added.handles[0];
+    let way: Vec<f64> = (0..3).map(|a| spot.now[a] - spot.rest[a]).collect();
+    assert!((way[1] + 0.5).abs() < 0.2 && (way[2] - 1.5).abs() < 0.2 && way[0].abs() < 0.1, "{way:?}");
+    let back = model.rest_of(spot.now);
+    let off: f64 = (0..3).map(|a| (back[a] - spot.rest[a]).abs()).sum();
+    assert!(off < 1e-3, "{off}");
+    let at = spot.at[Pane::Axial.number()].unwrap();
+    follow(&mut model, &Request::Cross { pane: Pane::Coronal, at: [0.5, 0.5] });
+    assert!(follow(&mut model, &Request::Grab { pane: Pane::Axial, at }).held.is_some());
+}
