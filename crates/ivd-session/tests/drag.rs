@@ -235,7 +235,7 @@ fn springs(solver: Solver) -> Physics {
 
 #[test]
 fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
-    let (exec, count) = (Exec::default(), 1250 / every());
+    let (exec, count) = (Exec::default(), 1000 / every());
     let first = Settings { level: 2, ..Settings::default() };
     let mut live = session(first.clone(), &exec);
     let start = live.deformed().clone();
