@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use crate::{Buffer, Error, Grid, VoxelIndex};
@@ -181,6 +183,20 @@ impl FieldBricks {
     }
 }
 
+/// The bits of [`Displacement::sides`] that are of the voxel at rest, and those of where the deformed voxel comes from.
+const REST_SIDE: u8 = 0b0011;
+const ORIGIN_SIDE: u8 = 0b1100;
+
+/// Whether flags differ in some bits of a mask; where there are none they are 0.
+fn differ(a: &[u8], b: &[u8], voxels: Range<usize>, mask: u8) -> bool {
+    // Without an early end the compiler looks at several at a time.
+    match (a.get(voxels.clone()), b.get(voxels)) {
+        (Some(a), Some(b)) => a.iter().zip(b).fold(0, |all, (a, b)| all | (a ^ b)) & mask != 0,
+        (Some(flags), None) | (None, Some(flags)) => flags.iter().fold(0, |all, flag| all | flag) & mask != 0,
+        (None, None) => false,
+    }
+}
+
 /// A deformation of space, sampled on a grid, trilinear between voxels.
 ///
 /// `forward` takes rest to deformed, `φ(x) = x + forward(x)`; `inverse` takes deformed to rest,
@@ -342,6 +358,50 @@ impl Displacement {
     /// Whether a cut goes through it: see [`Displacement::sides`].
     pub fn has_cut(&self) -> bool {
         !self.sides.is_empty()
+    }
+
+    /// The bricks, ascending, whose deformed voxels may differ between two displacements on one grid: where the inverse fields differ by a
+    /// bit, other voxels are left behind, or a voxel comes from another side of a cut; and where one comes from a side at all, if the
+    /// cut goes another way at rest.
+    ///
+    /// # Errors
+    /// [`Error::GridMismatch`] where their grids differ.
+    pub fn changed(&self, before: &Self) -> Result<Vec<usize>, Error> {
+        let mut changed = self.inverse.changed(&before.inverse)?;
+        if [self, before].iter().all(|one| one.vacated.is_empty() && one.sides.is_empty()) {
+            return Ok(changed);
+        }
+        changed.extend(self.flags_changed(before));
+        changed.sort_unstable();
+        changed.dedup();
+        Ok(changed)
+    }
+
+    /// The bricks in which a deformed voxel's flags say something else than before.
+    fn flags_changed(&self, before: &Self) -> Vec<usize> {
+        let ([nx, ny, nz], bricks) = (self.grid.dims(), self.inverse.brick_dims());
+        let cut_elsewhere = differ(&self.sides, &before.sides, 0..self.grid.len(), REST_SIDE);
+        let differs = |voxels: Range<usize>| {
+            differ(&self.vacated, &before.vacated, voxels.clone(), u8::MAX)
+                || differ(&self.sides, &before.sides, voxels.clone(), ORIGIN_SIDE)
+                || cut_elsewhere && differ(&self.sides, &[], voxels, ORIGIN_SIDE)
+        };
+        let side = FieldBricks::SIDE;
+        let mut out = Vec::new();
+        for bz in 0..bricks[2] {
+            let layers = side * bz..(side * (bz + 1)).min(nz);
+            if !differs(nx * ny * layers.start..nx * ny * layers.end) {
+                continue;
+            }
+            for (by, bx) in (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| (by, bx))) {
+                let lines = side * by..(side * (by + 1)).min(ny);
+                let mut rows = layers.clone().flat_map(|z| lines.clone().map(move |y| nx * (y + ny * z)));
+                if rows.any(|row| differs(row + side * bx..row + (side * (bx + 1)).min(nx))) {
+                    out.push(bx + bricks[0] * (by + bricks[1] * bz));
+                }
+            }
+        }
+        out
     }
 
     /// Whether a cut goes through the cell of eight voxels with this lowest corner; beyond the border the border voxels count.

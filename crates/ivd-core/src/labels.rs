@@ -126,6 +126,17 @@ impl Labels {
         &self.ids
     }
 
+    /// The labels, to be changed: copied first where somebody else holds them. Whoever changes them says how many voxels the classes have then
+    /// ([`Labels::count`]).
+    pub fn ids_mut(&mut self) -> &mut [u16] {
+        self.ids.make_mut()
+    }
+
+    /// Says anew how many voxels each class has.
+    pub fn count(&mut self, voxels: impl Fn(u16) -> u64) {
+        self.classes.iter_mut().for_each(|class| class.voxels = voxels(class.id));
+    }
+
     /// The classes, in the order of their means.
     pub fn classes(&self) -> &[Class] {
         &self.classes

@@ -4,6 +4,7 @@
 //! - [`warp::volume`], [`warp::labels`] and [`warp::mask`] carry data through a [`Displacement`](ivd_core::Displacement). Only bricks
 //!   that moved are visited.
 //! - [`given::displacement`] makes a displacement of one field, such as another program's.
+//! - [`place::moved`] and [`place::at_rest`] take single places there and back.
 //! - [`onto::labels`] and [`onto::mask`] put what was drawn on another grid onto that of a volume.
 //! - [`combine`] combines deformed things, or things at rest: union, intersection, difference. [`clip`] throws a part of one away.
 //! - [`class_volume::by_class`] tells what every class gains or loses.
@@ -33,6 +34,9 @@
 //! ```
 #![deny(unsafe_code)]
 
+#[macro_use]
+mod one_type;
+
 pub mod certificate;
 pub mod class_volume;
 pub mod clip;
@@ -45,6 +49,7 @@ pub mod inverse;
 pub mod lies;
 pub mod onto;
 pub mod param;
+pub mod place;
 pub mod sampler;
 pub mod shape;
 mod simd;

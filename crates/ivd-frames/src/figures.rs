@@ -103,6 +103,12 @@ pub struct Figures {
     pub handles: Vec<Spot>,
     /// Pins.
     pub pins: Vec<Spot>,
+    /// Numbers of the bones.
+    pub bones: Vec<u32>,
+    /// Numbers of the steps in space, an incision among them.
+    pub space: Vec<u32>,
+    /// Numbers of the planes and boxes that clip the volume.
+    pub clips: Vec<u32>,
     /// The handle that is held.
     pub held: Option<u32>,
     /// Along which pane the volume's picture is cut open.

@@ -7,7 +7,7 @@ use crate::Error;
 
 /// Sides of a picture (pixels).
 const SIDES: [usize; 2] = [32, 2048];
-/// Most handles, and most pins.
+/// Most handles, most pins, and most planes that clip.
 pub(crate) const MOST_HANDLES: usize = 64;
 /// No length, force or place is further from 0 (mm, mN).
 const FARTHEST: f64 = 1e6;
@@ -235,11 +235,52 @@ pub enum Request {
         /// Which.
         fix: u32,
     },
+    /// Cuts open what is shown, or changes the cut that there is: a displacement has one.
+    Incise {
+        /// Middle of the cut, where it is now.
+        centre: [f64; 3],
+        /// Across it; what lies there goes that way, the rest goes the other.
+        normal: [f64; 3],
+        /// Where it ends.
+        radius: f64,
+        /// How far its lips are apart in the middle.
+        open: f64,
+    },
+    /// Takes a step in space away: a cut closes.
+    Close {
+        /// Which.
+        space: u32,
+    },
+    /// Keeps what lies on a side of a plane, of the volume itself and not of its picture alone.
+    Clip {
+        /// A point of the plane.
+        point: [f64; 3],
+        /// Towards what is kept.
+        normal: [f64; 3],
+    },
+    /// Shows again what a plane or a box has taken away.
+    Unclip {
+        /// Which.
+        clip: u32,
+    },
+    /// Moves a bone, counted from rest.
+    Turn {
+        /// Which.
+        bone: u32,
+        /// Point that it turns about.
+        pivot: [f64; 3],
+        /// Direction of its axis.
+        axis: [f64; 3],
+        /// Degrees, counter-clockwise as seen from the axis' tip.
+        angle: f64,
+        /// How far the pivot goes.
+        by: [f64; 3],
+    },
     /// Undoes the last step.
     Undo,
     /// Does it again.
     Redo,
-    /// Takes all handles, pins and shapes away.
+    /// Takes all handles, pins, shapes, bones and steps in space away.
     Reset,
     /// Another level of the lattice.
     Level {
@@ -301,6 +342,17 @@ impl Request {
             Self::Radius { radius, .. } if !(*radius > 0.0 && *radius <= FARTHEST) => {
                 wrong("radius", format!("{radius} mm"), "use a positive length up to a million")
             }
+            Self::Incise { radius, open, .. } if !(*radius > 0.0 && *open >= 0.0) => {
+                wrong("cut", format!("{open} mm within {radius} mm"), "use a positive radius, and 0 or more")
+            }
+            Self::Incise { centre, normal, radius, open } => lengths("cut", &[*radius, *open])
+                .and_then(|()| lengths("centre", centre))
+                .and_then(|()| lengths("normal", normal)),
+            Self::Clip { point, normal } => lengths("point", point).and_then(|()| lengths("normal", normal)),
+            Self::Turn { pivot, axis, angle, by, .. } => lengths("angle", &[*angle])
+                .and_then(|()| lengths("pivot", pivot))
+                .and_then(|()| lengths("axis", axis))
+                .and_then(|()| lengths("move", by)),
             Self::Add { place, by } => lengths("place", place).and_then(|()| lengths("move", by)),
             Self::Move { by, .. } => lengths("move", by),
             Self::Pull { with, .. } => lengths("force", with),
@@ -350,6 +402,10 @@ impl Request {
                 true
             }
             (Self::Radius { handle, .. }, Self::Radius { handle: same, .. }) if handle == same => {
+                self.clone_from(next);
+                true
+            }
+            (Self::Turn { bone, .. }, Self::Turn { bone: same, .. }) if bone == same => {
                 self.clone_from(next);
                 true
             }

@@ -4,8 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ivd_artefact::Cache;
+use ivd_core::op::Op as _;
 use ivd_core::{Exec, Labels, Lattice, TransferFunction, Value as _, Volume};
+use ivd_field::clip::{SceneClip, Whose};
 use ivd_field::warp::WarpParams;
+use ivd_map::space::SpaceParams;
 use ivd_map::{BiharmonicParams, FemParams, OctreeParams};
 use ivd_motion::deform::{Asked, DynamicsMethod, ProjectiveMethod, RingMethod, XpbdMethod};
 use ivd_pipeline::plan::{NodeId, Plan};
@@ -15,7 +18,7 @@ use ivd_render::{
     AttenuatedMipParams, ClipSpace, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams,
     Mode, RenderParams,
 };
-use ivd_session::{MapChoice, Physics, Settings, numbered};
+use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
 
 use crate::{Error, Tell};
@@ -87,11 +90,7 @@ impl Subject {
             return Err(none("render.clip_space = \"rest\""));
         }
         let asked = settings(&loaded.scene)?;
-        let by_class = match (&asked.physics, &asked.map) {
-            (Physics::Springs(params), _) if !params.springs.material.is_empty() => true,
-            (_, MapChoice::Fem(params)) => !params.material.is_empty(),
-            _ => false,
-        };
+        let by_class = asked.knows_classes();
         let mut cut = loaded.clone();
         cut.scene.output = OutputSection {
             images: vec![Picture::Before],
@@ -202,9 +201,7 @@ fn none(part: impl Into<String>) -> Error {
 /// Refuses what a session has no place for: it would show something else than the scene.
 fn check(scene: &Scene) -> Result<(), Error> {
     let written = |stage| scene.section(stage).and_then(|section| section.written());
-    for stage in
-        [&ivd_map::space::STAGE, &ivd_field::combine::STAGE, &ivd_field::clip::STAGE, &ivd_octree::STAGE]
-    {
+    for stage in [&ivd_field::combine::STAGE, &ivd_octree::STAGE] {
         if written(stage).is_some_and(|keys| !keys.is_empty()) {
             return Err(none(format!("[{}]", stage.name)));
         }
@@ -217,8 +214,14 @@ fn check(scene: &Scene) -> Result<(), Error> {
     if scene.param(&ivd_map::STAGE, "frame").is_some() {
         return Err(none("map.frame"));
     }
-    if scene.asked().is_some_and(|asked| !asked.bones.is_empty()) {
-        return Err(none("[[deform.rigid]]"));
+    if let Some(clip) = scene.get::<SceneClip>(&ivd_field::clip::STAGE) {
+        match clip {
+            SceneClip { tag: Some(_), .. } => return Err(none("clip.tag")),
+            SceneClip { of: Whose::Input, .. } if clip.idle().is_none() => {
+                return Err(none("clip.of = \"input\""));
+            }
+            _ => {}
+        }
     }
     Ok(())
 }
@@ -280,11 +283,26 @@ fn settings(scene: &Scene) -> Result<Settings, Error> {
         fixed: numbered(asked.moves.fixed()),
         physics,
         shapes: numbered(asked.moves.shape.iter().copied()),
+        bones: numbered(asked.bones.iter().cloned()),
         map,
+        space: scene
+            .get::<SpaceParams>(&ivd_map::space::STAGE)
+            .map_or_else(Vec::new, |space| numbered(space.step.iter().cloned())),
         warp: scene.get::<WarpParams>(&ivd_field::warp::STAGE).cloned().unwrap_or_default(),
+        clip: scene.get::<SceneClip>(&ivd_field::clip::STAGE).map_or_else(Clip::default, clip),
     };
     settings.check()?;
     Ok(settings)
+}
+
+/// What a scene clips by.
+fn clip(SceneClip { clip, space, .. }: &SceneClip) -> Clip {
+    let planes = clip.planes.iter().copied().map(ClipPart::Plane);
+    let parts = numbered(planes.chain(clip.boxes.iter().copied().map(ClipPart::Box)));
+    if parts.is_empty() {
+        return Clip::default();
+    }
+    Clip { parts, rule: ClipRule { invert: clip.invert, background: clip.background, space: *space } }
 }
 
 /// A scene with other settings.
@@ -319,7 +337,10 @@ fn scene_of(scene: &Scene, settings: &Settings) -> Result<Scene, Error> {
         Physics::Springs(params) => springs(params),
     };
     replace(&mut scene, stage, "solver", solver, params)?;
-    scene.set(stage, &[("handle", list(handles)), ("fix", list(fixed)), ("shape", list(shapes))])?;
+    let bones = settings.bones.iter().map(|one| json!(one.what)).collect();
+    let moves =
+        [("handle", list(handles)), ("fix", list(fixed)), ("shape", list(shapes)), ("rigid", list(bones))];
+    scene.set(stage, &moves)?;
 
     let mut map = json!(settings.map);
     let method = map.as_object_mut().and_then(|keys| keys.remove("method"));
@@ -328,6 +349,18 @@ fn scene_of(scene: &Scene, settings: &Settings) -> Result<Scene, Error> {
     let warp = json!(settings.warp);
     replace(&mut scene, &ivd_field::warp::STAGE, "", "", warp)?;
     scene.set(&ivd_lattice::refine::STAGE, &[("level", Some(json!(settings.level)))])?;
+
+    // A section without anything to do is refused, or says what isn't so.
+    scene.remove(&ivd_map::space::STAGE)?;
+    let steps = settings.space.iter().map(|one| json!(one.what)).collect();
+    if let Some(steps) = list(steps) {
+        scene.set(&ivd_map::space::STAGE, &[("step", Some(steps))])?;
+    }
+    scene.remove(&ivd_field::clip::STAGE)?;
+    if let Some(clip) = settings.clip.params() {
+        let clip = SceneClip { clip, space: settings.clip.rule.space, ..SceneClip::default() };
+        replace(&mut scene, &ivd_field::clip::STAGE, "", "", json!(clip))?;
+    }
     Ok(scene)
 }
 

@@ -41,8 +41,9 @@ pub(crate) struct Past {
 impl Past {
     /// About how many bytes it takes.
     fn bytes(&self) -> usize {
-        let Settings { handles, fixed, shapes, .. } = &self.before;
-        let lists = size_of_val(&**handles) + size_of_val(&**fixed) + size_of_val(&**shapes);
+        let Settings { handles, fixed, shapes, bones, space, clip, .. } = &self.before;
+        let moved = size_of_val(&**handles) + size_of_val(&**fixed) + size_of_val(&**shapes);
+        let lists = moved + size_of_val(&**bones) + size_of_val(&**space) + size_of_val(&*clip.parts);
         size_of::<Self>() + lists + self.step.name.len() + size_of_val(&*self.step.events)
     }
 }

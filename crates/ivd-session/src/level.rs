@@ -3,12 +3,15 @@
 use std::fmt;
 use std::sync::Arc;
 
-use ivd_core::{Displacement, Exec, Labels, Lattice, Motion};
+use ivd_core::op::{Op as _, Want};
+use ivd_core::{Displacement, Exec, Grid, Labels, Lattice, Motion};
 use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_map::space::{SpaceParams, Start, displace};
 use ivd_map::{Biharmonic, IncrementalMap, MapUpdate, Outside, fem};
 use ivd_motion::freeform;
 use ivd_motion::handles::{Anchor, Pin, find_picks};
 use ivd_motion::mass_spring;
+use ivd_motion::rigid::BoneSpec;
 use ivd_motion::ring;
 
 use crate::numbered::plain;
@@ -39,6 +42,7 @@ struct Held {
     params: mass_spring::Params,
     handles: Vec<(Anchor, f64)>,
     fixed: Vec<Pin>,
+    bones: Vec<BoneSpec>,
 }
 
 impl Level {
@@ -69,7 +73,7 @@ impl Level {
         let fixed = settings.fixed.iter().map(|fix| &fix.at);
         find_picks(&self.lattice, "fixed vertex", fixed)?;
         let handled = match &settings.physics {
-            _ if settings.handles.is_empty() => None,
+            _ if settings.handles.is_empty() && settings.bones.is_empty() => None,
             Physics::Ring(params) => Some(self.rings(settings, params, exec)?),
             Physics::Springs(params) => Some(self.springs(settings, params, labels, exec)?),
         };
@@ -105,24 +109,26 @@ impl Level {
         labels: Option<&Labels>,
         exec: &Exec,
     ) -> Result<Motion, Error> {
-        let labels = labels.filter(|_| !params.springs.material.is_empty());
-        if labels.is_none() && !params.springs.material.is_empty() {
-            return Err(Error::Event {
-                event: "material",
-                problem: "there are no labels to know classes by".into(),
-                remedy: "begin the session with labels",
-            });
+        let bones = settings.bone_specs()?;
+        let knows_classes =
+            !params.springs.material.is_empty() || bones.iter().any(|bone| bone.class.is_some());
+        let labels = labels.filter(|_| knows_classes);
+        if labels.is_none() && knows_classes {
+            return Err(no_labels("material"));
         }
         let (handles, fixed) = (plain(&settings.handles), plain(&settings.fixed));
         let held = Held {
             params: params.clone(),
             handles: handles.iter().map(|h| (h.at, h.radius)).collect(),
             fixed: fixed.clone(),
+            bones,
         };
         let kept = self.springs.take().filter(|(other, _)| *other == held).map(|(_, prepared)| prepared);
-        let mut prepared = match kept {
-            Some(prepared) => prepared,
-            None => mass_spring::Prepared::new(self.lattice.clone(), labels, &handles, &fixed, params, exec)?,
+        let mut prepared = if let Some(prepared) = kept {
+            prepared
+        } else {
+            let (lattice, bones) = (self.lattice.clone(), &held.bones);
+            mass_spring::Prepared::with_bones(lattice, labels, &handles, &fixed, bones, params, exec)?
         };
         prepared.forget();
         let solved = prepared.update(&handles, exec);
@@ -170,6 +176,30 @@ impl Level {
                 Ok(moved?)
             }
         }
+    }
+}
+
+/// Where steps in space take voxels from where a map has brought them; `None` where there are no steps.
+pub(crate) fn displaced(
+    settings: &Settings,
+    (grid, mapped): (&Grid, Option<&Displacement>),
+    labels: Option<&Labels>,
+    exec: &Exec,
+) -> Result<Option<Displacement>, Error> {
+    if settings.space.is_empty() {
+        return Ok(None);
+    }
+    let params = SpaceParams { step: plain(&settings.space) };
+    let labels = labels.filter(|_| params.wants("labels") == Want::Yes);
+    Ok(Some(displace(grid, &params.step, &Start { after: mapped, labels }, exec)?.displacement))
+}
+
+/// Something knows classes, and nobody says which voxel is of which.
+fn no_labels(event: &'static str) -> Error {
+    Error::Event {
+        event,
+        problem: "there are no labels to know classes by".into(),
+        remedy: "begin the session with labels",
     }
 }
 

@@ -38,15 +38,21 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod clip;
 mod error;
+mod event;
+mod follow;
 mod history;
 mod level;
 mod numbered;
 mod session;
 mod settings;
+mod shown;
 
+pub use clip::{Clip, ClipPart, ClipRule};
 pub use error::Error;
+pub use event::Event;
 pub use history::{Entry, Step};
 pub use numbered::{Id, Numbered, numbered};
 pub use session::{Session, Times, Update};
-pub use settings::{Event, MapChoice, Physics, Settings};
+pub use settings::{MapChoice, Physics, Settings};

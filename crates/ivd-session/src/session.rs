@@ -3,13 +3,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Volume};
-use ivd_field::warp::Deformed;
 use ivd_map::MapUpdate;
 use ivd_motion::handles::Anchor;
 
+use crate::event::List;
+use crate::follow::Followed;
 use crate::history::{Gesture, History, Recorder};
-use crate::level::{Level, still};
-use crate::numbered::{Id, next_id};
+use crate::level::{Level, displaced, still};
+use crate::numbered::Id;
+use crate::shown::Shown;
 use crate::{Entry, Error, Event, Settings, Step};
 
 /// What an event changed.
@@ -50,20 +52,25 @@ pub struct Times {
 #[derive(Debug)]
 pub struct Session {
     volume: Volume,
-    labels: Option<Labels>,
+    pub(crate) labels: Option<Labels>,
     finest: Arc<Lattice>,
     levels: BTreeMap<u8, Level>,
     settings: Settings,
     motion: Option<Motion>,
-    moved: MapUpdate,
+    /// What the map makes of that.
+    mapped: MapUpdate,
+    /// What steps in space make of that, where there are any.
+    displaced: Option<Displacement>,
     last: Update,
-    deformed: Deformed,
+    shown: Shown,
+    /// Labels, once somebody has asked for them.
+    pub(crate) followed: Option<Followed>,
     history: History,
     /// What goes on, to be one step.
     gesture: Option<Gesture>,
     recorder: Recorder,
-    /// Numbers that the next handle, fix and shape get.
-    next: [Id; 3],
+    /// By list, the number that its next member gets.
+    next: [Id; List::COUNT],
 }
 
 impl Session {
@@ -86,9 +93,12 @@ impl Session {
         if let Some(labels) = &labels {
             check_grid(&volume, "labels", labels.grid())?;
         }
-        let deformed = Deformed::new(&volume, settings.warp.clone(), exec)?;
+        let mut settings = settings;
+        settings.name_bones();
+        let shown = Shown::new(&volume, settings.warp.clone(), exec)?;
         let mut session = Self {
-            moved: still(&lattice),
+            mapped: still(&lattice),
+            displaced: None,
             volume,
             labels,
             finest: Arc::new(lattice),
@@ -96,14 +106,14 @@ impl Session {
             settings: Settings { warp: settings.warp.clone(), ..Settings::default() },
             motion: None,
             last: Update { min_det_j: 1.0, ..Update::default() },
-            deformed,
+            shown,
+            followed: None,
             history: History::default(),
             gesture: None,
             recorder: Recorder::default(),
-            next: [next_id(&settings.handles), next_id(&settings.fixed), next_id(&settings.shapes)],
+            next: settings.next_ids(),
         };
         session.make_level(settings.level, exec)?;
-        let mut settings = settings;
         let lattice = &session.levels[&settings.level].lattice;
         settings.handles.iter_mut().for_each(|handle| anchor(lattice, &mut handle.what.at));
         settings.fixed.iter_mut().for_each(|fix| anchor(lattice, &mut fix.what.at));
@@ -132,15 +142,13 @@ impl Session {
 
     /// Gives an event the number and the place that it goes by from now on.
     fn complete(&mut self, event: &mut Event) {
-        let number = match event {
-            Event::Add { id, .. } => Some((id, 0)),
-            Event::Pin { id, .. } => Some((id, 1)),
-            Event::Shape { id, .. } => Some((id, 2)),
-            _ => None,
-        };
-        if let Some((id, list)) = number {
-            let given = *id.get_or_insert(self.next[list]);
-            self.next[list] = self.next[list].max(given.saturating_add(1));
+        if let Some((id, list)) = event.number_mut() {
+            let next = &mut self.next[list as usize];
+            let given = *id.get_or_insert(*next);
+            *next = (*next).max(given.saturating_add(1));
+        }
+        if let Event::Bone { id: Some(id), bone } = event {
+            bone.name.get_or_insert_with(|| id.to_string());
         }
         if let Some(at) = event.anchor_mut() {
             anchor(self.lattice(), at);
@@ -305,14 +313,14 @@ impl Session {
         &self.volume
     }
 
-    /// The deformed volume. A clone that is kept makes the next event copy all voxels.
+    /// The deformed volume, or what is kept of it where it is clipped. A clone that is kept makes the next event copy all voxels.
     pub fn deformed(&self) -> &Volume {
-        self.deformed.output()
+        self.shown.volume()
     }
 
     /// The displacement of the voxels.
     pub fn displacement(&self) -> &Displacement {
-        &self.moved.displacement
+        self.displaced.as_ref().unwrap_or(&self.mapped.displacement)
     }
 
     /// The motion of the lattice of the present level; `None` where there is nothing to move it.
@@ -325,8 +333,9 @@ impl Session {
         self.levels.get(&self.settings.level).map_or(&self.finest, |level| &level.lattice)
     }
 
-    /// Lets go what is kept to be faster: other levels of the lattice, factors, searches, nearest points.
+    /// Lets go what is kept to be faster: other levels of the lattice, factors, searches, nearest points, deformed labels.
     pub fn forget(&mut self) {
+        self.followed = None;
         self.levels.retain(|level, _| *level == self.settings.level);
         self.levels.values_mut().for_each(Level::forget);
     }
@@ -337,58 +346,56 @@ impl Session {
         self.make_level(next.level, exec)?;
         let level = self.levels.get_mut(&next.level).expect("made above");
         let now = &self.settings;
-        let same_motion = exec.skip
-            && (now.level, &now.handles, &now.fixed, &now.shapes, &now.physics)
-                == (next.level, &next.handles, &next.fixed, &next.shapes, &next.physics);
+        let same_motion = exec.skip && now.move_alike(&next);
         let motion = match &self.motion {
             Some(motion) if same_motion => Some(motion.clone()),
             None if same_motion => None,
             _ => level.solve(&next, self.labels.as_ref(), exec)?,
         };
         let solved = Instant::now();
-        let moved = if same_motion && now.map == next.map {
+        let mapped = if same_motion && now.map == next.map {
             None
         } else {
             Some(level.map(motion.as_ref(), self.labels.as_ref(), &next.map, exec)?)
         };
-        let mapped = Instant::now();
-        let mut update = self.show(moved.as_ref(), &next, exec)?;
-        update.times = Times {
-            solve: (solved - start).as_secs_f64(),
-            map: (mapped - solved).as_secs_f64(),
-            warp: mapped.elapsed().as_secs_f64(),
+        let displaced = if exec.skip && mapped.is_none() && now.space == next.space {
+            None
+        } else {
+            let start = motion.is_some().then(|| &mapped.as_ref().unwrap_or(&self.mapped).displacement);
+            Some(displaced(&next, (self.volume.grid(), start), self.labels.as_ref(), exec)?)
+        };
+        let found = Instant::now();
+        let map = mapped.as_ref().unwrap_or(&self.mapped);
+        // What isn't found anew stays.
+        let after = displaced.as_ref().map(|displaced| displaced.as_ref().unwrap_or(&map.displacement));
+        let before = self.displaced.as_ref().unwrap_or(&self.mapped.displacement);
+        let made = self.shown.update(&self.volume, (before, after), &next, exec)?;
+        if let Some(followed) = &mut self.followed {
+            followed.fall_behind(&made.moved);
+        }
+        let shown = after.unwrap_or(before);
+        let update = Update {
+            dirty: made.dirty,
+            voxels: made.voxels,
+            min_det_j: shown.min_det_j(),
+            misfit: map.misfit,
+            relaxations: map.relaxations,
+            largest_mm: largest(shown),
+            times: Times {
+                solve: (solved - start).as_secs_f64(),
+                map: (found - solved).as_secs_f64(),
+                warp: found.elapsed().as_secs_f64(),
+            },
         };
         self.motion = motion;
-        if let Some(moved) = moved {
-            self.moved = moved;
+        if let Some(mapped) = mapped {
+            self.mapped = mapped;
+        }
+        if let Some(displaced) = displaced {
+            self.displaced = displaced;
         }
         self.settings = next;
         self.last = update.clone();
-        Ok(update)
-    }
-
-    /// Makes the deformed volume as it is under a displacement; the present one where that stays.
-    fn show(&mut self, moved: Option<&MapUpdate>, next: &Settings, exec: &Exec) -> Result<Update, Error> {
-        let before = &self.moved.displacement;
-        let after = moved.unwrap_or(&self.moved);
-        let mut update = Update {
-            min_det_j: after.displacement.min_det_j(),
-            misfit: after.misfit,
-            relaxations: after.relaxations,
-            largest_mm: largest(&after.displacement),
-            ..Update::default()
-        };
-        if next.warp != *self.deformed.params() || !exec.skip {
-            let mut deformed = Deformed::new(&self.volume, next.warp.clone(), exec)?;
-            let all = || (0..after.displacement.inverse().table().len()).collect();
-            let here = if exec.skip { touched(&after.displacement) } else { all() };
-            update.voxels = deformed.update(&self.volume, &after.displacement, &here, exec)?;
-            update.dirty = merged(&here, &touched(before));
-            self.deformed = deformed;
-        } else if moved.is_some() {
-            update.dirty = changed(before, &after.displacement)?;
-            update.voxels = self.deformed.update(&self.volume, &after.displacement, &update.dirty, exec)?;
-        }
         Ok(update)
     }
 }
@@ -421,27 +428,13 @@ fn largest(displacement: &Displacement) -> f64 {
     displacement.forward().vectors().iter().map(squared).fold(0.0, f64::max).sqrt()
 }
 
-/// Bricks whose voxels a displacement moves or leaves behind, ascending.
-fn touched(displacement: &Displacement) -> Vec<usize> {
-    let left = !displacement.vacated().is_empty();
-    let stored = |b: &usize| {
-        displacement.inverse().brick(*b).is_some() || left && displacement.forward().brick(*b).is_some()
-    };
-    (0..displacement.inverse().table().len()).filter(stored).collect()
-}
-
-/// Bricks in which two displacements give other values, ascending.
-fn changed(before: &Displacement, after: &Displacement) -> Result<Vec<usize>, Error> {
-    let mut dirty = after.inverse().changed(before.inverse())?;
-    if !(before.vacated().is_empty() && after.vacated().is_empty()) {
-        // What was left behind lies where something moved from.
-        dirty = merged(&dirty, &merged(&touched(before), &touched(after)));
-    }
-    Ok(dirty)
+/// Bricks in which a displacement shows anything else than rest, ascending.
+pub(crate) fn touched(displacement: &Displacement) -> Result<Vec<usize>, Error> {
+    Ok(displacement.changed(&Displacement::identity(displacement.grid().clone()))?)
 }
 
 /// Two ascending lists as one.
-fn merged(a: &[usize], b: &[usize]) -> Vec<usize> {
+pub(crate) fn merged(a: &[usize], b: &[usize]) -> Vec<usize> {
     let mut all = [a, b].concat();
     all.sort_unstable();
     all.dedup();

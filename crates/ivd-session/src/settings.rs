@@ -1,17 +1,22 @@
-//! What a session's state follows from, and the events that change it.
+//! What a session's state follows from.
 
 use ivd_core::ParamError;
 use ivd_core::op::Op as _;
 use ivd_field::shape::Shape;
 use ivd_field::warp::WarpParams;
-use ivd_map::{BiharmonicParams, FemParams, OctreeParams};
-use ivd_motion::handles::{Action, Anchor, Handle, Pin};
-use ivd_motion::mass_spring::{self, Material};
+use ivd_map::space::{self, Step};
+use ivd_map::{BiharmonicParams, FemParams, OctreeParams, Outside};
+use ivd_motion::deform::Bone;
+use ivd_motion::handles::{Action, Handle, Pin};
+use ivd_motion::mass_spring;
+use ivd_motion::rigid::BoneSpec;
 use ivd_motion::ring::RingParams;
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
-use crate::numbered::{Id, Numbered, add, at, take};
+use crate::clip::{Clip, ClipRule};
+use crate::event::List;
+use crate::numbered::{Id, Numbered, add, at, next_id, plain, take};
+use crate::{Error, Event};
 
 /// Highest level of refinement: 4⁻¹⁶ of any lattice is nothing.
 const COARSEST: u8 = 16;
@@ -60,6 +65,16 @@ impl MapChoice {
             Self::Fem(params) => params.check(),
         }
     }
+
+    /// Whether the part moves alone.
+    fn is_free(&self) -> bool {
+        let band = match self {
+            Self::Octree(params) => &params.band,
+            Self::Biharmonic(params) => &params.band,
+            Self::Fem(params) => &params.band,
+        };
+        band.outside == Outside::Free
+    }
 }
 
 /// All that a session's state follows from, beside its volume and lattice.
@@ -76,159 +91,16 @@ pub struct Settings {
     pub physics: Physics,
     /// Changes of shape, after that.
     pub shapes: Vec<Numbered<Shape>>,
+    /// What moves as one; only with masses on springs.
+    pub bones: Vec<Numbered<Bone>>,
     /// How the voxels follow.
     pub map: MapChoice,
+    /// Steps in space, after that.
+    pub space: Vec<Numbered<Step>>,
     /// How their values are found.
     pub warp: WarpParams,
-}
-
-/// A change of a session. Its JSON is the log's. Handles, fixes and shapes are called by numbers that stay while others come and go.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Event {
-    /// A handle more, behind the others.
-    Add {
-        /// Its number; without it a new one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        id: Option<Id>,
-        /// The handle.
-        #[serde(flatten)]
-        handle: Handle,
-    },
-    /// A handle goes.
-    Remove {
-        /// Its number.
-        handle: Id,
-    },
-    /// A handle moves its vertex by a vector, counted from rest.
-    Move {
-        /// Its number.
-        handle: Id,
-        /// The vector (mm, RAS).
-        by: [f64; 3],
-    },
-    /// A handle pulls its vertex with a force.
-    Pull {
-        /// Its number.
-        handle: Id,
-        /// The force (mN, RAS).
-        with: [f64; 3],
-    },
-    /// A handle takes another vertex.
-    Place {
-        /// Its number.
-        handle: Id,
-        /// The vertex.
-        at: Anchor,
-    },
-    /// A handle reaches further, or less far.
-    Radius {
-        /// Its number.
-        handle: Id,
-        /// Radius (mm), > 0.
-        radius: f64,
-    },
-    /// Vertices stay.
-    Pin {
-        /// The fix's number; without it a new one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        id: Option<Id>,
-        /// Which vertices.
-        #[serde(flatten)]
-        pin: Pin,
-    },
-    /// What stayed by a fix may move again.
-    Release {
-        /// The fix's number.
-        fix: Id,
-    },
-    /// A change of shape more, after the others.
-    Shape {
-        /// Its number; without it a new one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        id: Option<Id>,
-        /// The change.
-        #[serde(flatten)]
-        shape: Shape,
-    },
-    /// A change of shape goes.
-    Unshape {
-        /// Its number.
-        shape: Id,
-    },
-    /// Another solver, or other parameters of it.
-    Physics(Physics),
-    /// Stiffness of the springs.
-    Stiffness {
-        /// Stiffness (N/m).
-        newton_per_metre: f64,
-    },
-    /// What a class is made of; only for masses on springs.
-    Material {
-        /// Label of the class.
-        class: u16,
-        /// What it is made of.
-        material: Material,
-    },
-    /// Another way to carry the motion to the voxels.
-    Map(MapChoice),
-    /// Another way to find values.
-    Warp(WarpParams),
-    /// Another level of refinement.
-    Level(u8),
-    /// Nothing moves: handles, fixes and shapes go.
-    Reset,
-}
-
-impl Event {
-    /// What it does, as an entry of a list of what can be undone.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Add { .. } => "add a handle",
-            Self::Remove { .. } => "remove a handle",
-            Self::Move { .. } => "move a handle",
-            Self::Pull { .. } => "pull a handle",
-            Self::Place { .. } => "place a handle",
-            Self::Radius { .. } => "change a radius",
-            Self::Pin { .. } => "pin",
-            Self::Release { .. } => "release a pin",
-            Self::Shape { .. } => "change a shape",
-            Self::Unshape { .. } => "remove a change of shape",
-            Self::Physics(_) => "choose a solver",
-            Self::Stiffness { .. } => "change the stiffness",
-            Self::Material { .. } => "change a material",
-            Self::Map(_) => "choose a map",
-            Self::Warp(_) => "change how values are found",
-            Self::Level(_) => "change the level",
-            Self::Reset => "reset",
-        }
-    }
-
-    /// Whether the settings after it are the same with and without `last` right before it.
-    pub(crate) fn replaces(&self, last: &Self) -> bool {
-        match (self, last) {
-            // A pull is no move: the solver may refuse one of them.
-            (Self::Move { handle: a, .. }, Self::Move { handle: b, .. })
-            | (Self::Pull { handle: a, .. }, Self::Pull { handle: b, .. })
-            | (Self::Place { handle: a, .. }, Self::Place { handle: b, .. })
-            | (Self::Radius { handle: a, .. }, Self::Radius { handle: b, .. }) => a == b,
-            (Self::Stiffness { .. }, Self::Stiffness { .. })
-            | (Self::Map(_), Self::Map(_))
-            | (Self::Warp(_), Self::Warp(_))
-            | (Self::Level(_), Self::Level(_)) => true,
-            _ => false,
-        }
-    }
-
-    /// Where it picks a vertex, if it does.
-    pub(crate) fn anchor_mut(&mut self) -> Option<&mut Anchor> {
-        match self {
-            Self::Add { handle, .. } => Some(&mut handle.at),
-            Self::Place { at, .. } => Some(at),
-            Self::Pin { pin, .. } => Some(&mut pin.at),
-            _ => None,
-        }
-    }
+    /// What of the deformed volume is kept.
+    pub clip: Clip,
 }
 
 impl Settings {
@@ -261,7 +133,85 @@ impl Settings {
             shape.check()?;
         }
         self.map.check()?;
+        self.check_bones()?;
+        self.check_space()?;
+        self.clip.check()?;
         Ok(self.warp.check()?)
+    }
+
+    fn check_bones(&self) -> Result<(), Error> {
+        self.bone_specs()?;
+        match &self.physics {
+            Physics::Ring(_) if !self.bones.is_empty() => Err(Error::Event {
+                event: "bone",
+                problem: "rings know no bones".into(),
+                remedy: "choose masses on springs, or take the bones away",
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_space(&self) -> Result<(), Error> {
+        space::check(&plain(&self.space), self.moves_lattice())?;
+        if !self.space.is_empty() && self.moves_lattice() && self.map.is_free() {
+            return Err(Error::Event {
+                event: "space",
+                problem: "a part that moves alone leaves a gap, and no step in space goes on across that"
+                    .into(),
+                remedy: "let a band move along (map.outside = \"band\"), or take the steps away",
+            });
+        }
+        Ok(())
+    }
+
+    /// Whether there is something that moves the lattice.
+    pub(crate) fn moves_lattice(&self) -> bool {
+        !(self.handles.is_empty() && self.bones.is_empty() && self.shapes.is_empty())
+    }
+
+    /// Whether the lattice moves as with other settings.
+    pub(crate) fn move_alike(&self, other: &Self) -> bool {
+        let Self { level, handles, fixed, shapes, bones, physics, map: _, space: _, warp: _, clip: _ } = self;
+        (*level, handles, fixed) == (other.level, &other.handles, &other.fixed)
+            && (shapes, bones, physics) == (&other.shapes, &other.bones, &other.physics)
+    }
+
+    /// Whether something goes by classes, and labels are needed.
+    pub fn knows_classes(&self) -> bool {
+        let by_material = match (&self.physics, &self.map) {
+            (Physics::Springs(params), _) if !params.springs.material.is_empty() => true,
+            (_, MapChoice::Fem(params)) => !params.material.is_empty(),
+            _ => false,
+        };
+        let by_links = |step: &Step| matches!(step, Step::Chain(mail) if !mail.material.is_empty());
+        by_material
+            || self.bones.iter().any(|bone| bone.class.is_some())
+            || self.space.iter().any(|step| by_links(step))
+    }
+
+    /// The bones as solvers take them.
+    pub(crate) fn bone_specs(&self) -> Result<Vec<BoneSpec>, Error> {
+        let read = |(i, bone): (usize, &Numbered<Bone>)| Ok(bone.read(i)?);
+        self.bones.iter().enumerate().map(read).collect()
+    }
+
+    /// Gives each bone a name of its own: what it is called by doesn't change when another goes.
+    pub(crate) fn name_bones(&mut self) {
+        for (i, bone) in self.bones.iter_mut().enumerate() {
+            bone.what.name.get_or_insert_with(|| i.to_string());
+        }
+    }
+
+    /// By list, the first number that is above all others.
+    pub(crate) fn next_ids(&self) -> [Id; List::COUNT] {
+        let mut next = [0; List::COUNT];
+        next[List::Handles as usize] = next_id(&self.handles);
+        next[List::Fixed as usize] = next_id(&self.fixed);
+        next[List::Shapes as usize] = next_id(&self.shapes);
+        next[List::Bones as usize] = next_id(&self.bones);
+        next[List::Space as usize] = next_id(&self.space);
+        next[List::Clips as usize] = next_id(&self.clip.parts);
+        next
     }
 
     /// The settings after an event.
@@ -289,6 +239,27 @@ impl Settings {
             Event::Release { fix } => take("release", "fix", &mut next.fixed, *fix)?,
             Event::Shape { id, shape } => add("shape", &mut next.shapes, *id, *shape)?,
             Event::Unshape { shape } => take("unshape", "shape", &mut next.shapes, *shape)?,
+            Event::Bone { id, bone } => add("bone", &mut next.bones, *id, (**bone).clone())?,
+            Event::Turn { bone, to } => {
+                let bone = at("turn", "bone", &mut next.bones, *bone)?;
+                (bone.pivot, bone.axis, bone.angle) = (Some(to.pivot), Some(to.axis), Some(to.angle));
+                (bone.by, bone.fit) = ((to.by != [0.0; 3]).then_some(to.by), false);
+            }
+            Event::Unbone { bone } => take("unbone", "bone", &mut next.bones, *bone)?,
+            Event::Space { id, step } => add("step in space", &mut next.space, *id, step.clone())?,
+            Event::Respace { space, step } => {
+                step.clone_into(at("respace", "step in space", &mut next.space, *space)?);
+            }
+            Event::Unspace { space } => take("unspace", "step in space", &mut next.space, *space)?,
+            Event::Clip { id, part } => add("clip", &mut next.clip.parts, *id, *part)?,
+            Event::Reclip { clip, part } => *at("reclip", "clip", &mut next.clip.parts, *clip)? = *part,
+            Event::Unclip { clip } => {
+                take("unclip", "clip", &mut next.clip.parts, *clip)?;
+                if next.clip.parts.is_empty() {
+                    next.clip.rule = ClipRule::default();
+                }
+            }
+            Event::ClipRule(rule) => next.clip.rule = *rule,
             Event::Physics(physics) => next.physics = physics.clone(),
             Event::Stiffness { newton_per_metre } => match &mut next.physics {
                 Physics::Ring(params) => params.stiffness = *newton_per_metre,
@@ -316,6 +287,8 @@ impl Settings {
                 next.handles.clear();
                 next.fixed.clear();
                 next.shapes.clear();
+                next.bones.clear();
+                next.space.clear();
             }
         }
         next.check()?;

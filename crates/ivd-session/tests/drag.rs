@@ -1,126 +1,23 @@
 //! A session is what the stages give that are called once, whatever the way; it undoes and replays to the bit.
-#![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use ivd_core::{Class, Exec, Labels, Lattice, Volume, VoxelIndex, Voxels, World};
+use ivd_core::{Exec, Volume, VoxelIndex, Voxels, World};
+use ivd_field::clip::{Cuboid, HalfSpace};
+use ivd_field::lies::Lies;
 use ivd_field::shape::{Kind, Shape};
-use ivd_field::warp::{self, Order, WarpParams};
-use ivd_lattice::extract::{ExtractParams, Iso, extract};
-use ivd_lattice::refine::{RefineParams, Target, collapse};
-use ivd_map::{Band, BiharmonicParams, FemParams, OctreeParams, Outside};
-use ivd_motion::freeform;
+use ivd_field::warp::{Order, WarpParams};
+use ivd_map::space::{ChainMail, Cut, Links, Step};
+use ivd_map::{BiharmonicParams, Outside};
+use ivd_motion::deform::Bone;
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_motion::mass_spring::{self, Material, Solver};
-use ivd_motion::ring::{self, RingParams};
-use ivd_session::{Entry, Event, MapChoice, Physics, Session, Settings, numbered};
+use ivd_motion::rigid::RigidTransform;
+use ivd_motion::ring::RingParams;
+use ivd_session::{ClipPart, ClipRule, Entry, Event, MapChoice, Physics, Session, Settings, numbered};
 
-const SIDE: usize = 40;
-
-/// A ball whose values fall outwards, on an oblong grid.
-fn ball() -> (Volume, Lattice) {
-    let grid = ivd_core::Grid::with_spacing([SIDE, SIDE, SIDE], [1.0, 1.0, 1.25]).unwrap();
-    let value = |i: usize| {
-        let at = grid.index(i).0.map(|c| c as f64);
-        let from = [at[0] - 19.3, at[1] - 19.6, 1.25 * (at[2] - 19.4)];
-        let ripple = 3.0 * (0.7 * at[0] + 0.5 * at[1] - 0.3 * at[2]).sin();
-        200.0 - 8.0 * from.iter().map(|c| c * c).sum::<f64>().sqrt() + ripple
-    };
-    let voxels: Vec<u8> = (0..grid.len()).map(|i| value(i).clamp(0.0, 255.0) as u8).collect();
-    let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
-    let iso = ExtractParams { iso: Iso::Value(100.0) };
-    let lattice = extract(&volume, None, &iso, &Exec::default()).unwrap().lattice;
-    (volume, lattice)
-}
-
-/// Two classes: the half of lower x, and the other.
-fn labels(volume: &Volume) -> Labels {
-    let grid = volume.grid();
-    let ids: Vec<u16> = (0..grid.len()).map(|i| if grid.index(i).0[0] < SIDE / 2 { 1 } else { 2 }).collect();
-    let class = |id: u16| Class {
-        id,
-        voxels: ids.iter().filter(|i| **i == id).count() as u64,
-        mean: f64::from(id),
-        name: None,
-        sd: 0.0,
-        lower: None,
-        upper: None,
-    };
-    let classes = vec![class(1), class(2)];
-    Labels::new(grid.clone(), ids.into(), classes).unwrap()
-}
-
-fn session(settings: Settings, exec: &Exec) -> Session {
-    let (volume, lattice) = ball();
-    let labels = labels(&volume);
-    Session::new(volume, lattice, Some(labels), settings, exec).unwrap()
-}
-
-fn pick(direction: [f64; 3]) -> Anchor {
-    let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let [x, y, z] = direction.map(|c| 12.5 * c / length);
-    Anchor::NearestTo([19.3 + x, 19.6 + y, 24.2 + z])
-}
-
-/// What the stages give that are called once.
-fn at_once(settings: &Settings, exec: &Exec) -> (Option<ivd_map::MapResult>, Volume) {
-    let (volume, finest) = ball();
-    let lattice = match settings.level {
-        0 => finest,
-        level => {
-            let params = RefineParams { target: Target::Level(level).into(), ..RefineParams::default() };
-            collapse(&finest, &params, exec).unwrap().lattice
-        }
-    };
-    let labels = labels(&volume);
-    let mut motion = None;
-    let handles: Vec<Handle> = settings.handles.iter().map(|handle| handle.what).collect();
-    let fixed: Vec<Pin> = settings.fixed.iter().map(|pin| pin.what).collect();
-    let shapes: Vec<Shape> = settings.shapes.iter().map(|shape| shape.what).collect();
-    if !handles.is_empty() {
-        motion = Some(match &settings.physics {
-            Physics::Ring(params) => ring::solve(&lattice, &handles, &fixed, params, exec).unwrap().motion,
-            Physics::Springs(params) => {
-                let labels = Some(&labels).filter(|_| !params.springs.material.is_empty());
-                mass_spring::solve(&lattice, labels, &handles, &fixed, params, exec).unwrap().motion
-            }
-        });
-    }
-    if !shapes.is_empty() {
-        motion = Some(freeform::lattice(&lattice, motion.as_ref(), &shapes, exec).unwrap().motion);
-    }
-    let Some(motion) = motion else { return (None, volume) };
-    let last = motion.frames().len() - 1;
-    let mapped = match &settings.map {
-        MapChoice::Octree(params) => {
-            let octree = ivd_octree::build(&lattice, &ivd_octree::Params::default(), exec).unwrap();
-            ivd_map::octree(&lattice, &octree, &motion, last, params, exec).unwrap()
-        }
-        MapChoice::Biharmonic(params) => ivd_map::biharmonic(&lattice, &motion, last, params, exec).unwrap(),
-        MapChoice::Fem(params) => ivd_map::fem(&lattice, None, &motion, last, params, exec).unwrap(),
-    };
-    let warped = warp::volume(&volume, &mapped.displacement, &settings.warp, exec).unwrap();
-    (Some(mapped), warped.output)
-}
-
-fn choice(method: &str, outside: Outside) -> MapChoice {
-    let band = Band { outside, ..Band::default() };
-    match method {
-        "octree" => MapChoice::Octree(OctreeParams { band, ..OctreeParams::default() }),
-        "biharmonic" => MapChoice::Biharmonic(BiharmonicParams { band, ..BiharmonicParams::default() }),
-        _ => MapChoice::Fem(FemParams { band, ..FemParams::default() }),
-    }
-}
-
-fn assert_as_at_once(session: &Session, exec: &Exec) {
-    let (mapped, volume) = at_once(session.settings(), exec);
-    match mapped {
-        Some(mapped) => assert_eq!(session.displacement(), &mapped.displacement),
-        None => assert!(session.displacement().is_identity()),
-    }
-    assert_eq!(session.deformed(), &volume, "{:?}", session.settings());
-}
+use crate::common::{assert_as_at_once, ball, choice, pick, session, top};
 
 #[test]
 fn a_drag_is_what_the_stages_give_and_names_the_bricks_that_change() {
@@ -180,8 +77,8 @@ fn every() -> usize {
 /// Numbers that look random.
 struct Draw {
     seed: u64,
-    /// The numbers of the handles, fixes and shapes that there are.
-    ids: [Vec<u32>; 3],
+    /// By list, the numbers that there are: handles, fixes, shapes, bones, steps in space, clips.
+    ids: [Vec<u32>; 6],
 }
 
 impl Draw {
@@ -211,7 +108,7 @@ impl Draw {
             let at = draw.below(count + 1);
             draw.ids[list].get(at).copied().unwrap_or(2)
         };
-        match self.below(17) {
+        match self.below(35) {
             0 => Event::Add {
                 id: None,
                 handle: Handle {
@@ -254,20 +151,69 @@ impl Draw {
             }),
             14 => Event::Level([0, 1, 2, 2, 3, 17][self.below(6)]),
             15 if self.below(4) == 0 => Event::Reset,
+            17 | 28 => Event::Bone { id: None, bone: Box::new(self.bone()) },
+            18 | 29 | 30 => Event::Turn { bone: id(self, 3), to: self.turn() },
+            19 => Event::Unbone { bone: id(self, 3) },
+            20 => Event::Space { id: None, step: self.step() },
+            21 | 31 => Event::Respace { space: id(self, 4), step: self.step() },
+            22 | 33 => Event::Unspace { space: id(self, 4) },
+            23 => Event::Clip { id: None, part: self.part() },
+            24 | 32 => Event::Reclip { clip: id(self, 5), part: self.part() },
+            25 => Event::Unclip { clip: id(self, 5) },
+            26 => Event::ClipRule(ClipRule {
+                invert: self.below(2) == 0,
+                background: [None, Some(9.0)][self.below(2)],
+                space: [None, Some(Lies::Rest), Some(Lies::Deformed)][self.below(3)],
+            }),
+            // Rings have no bones.
+            27 => Event::Physics(springs([Solver::Projective, Solver::Dynamics][self.below(2)])),
             _ => Event::Move { handle: id(self, 0), by: self.vector(1.5) },
         }
     }
 
+    /// A cap of the ball, or what of it is of a class.
+    fn bone(&mut self) -> Bone {
+        let Anchor::NearestTo(centre) = self.place() else { panic!("a place") };
+        let class = [None, None, Some(1)][self.below(3)];
+        let bone = Bone { centre: Some(centre), radius: Some(4.0), class, reach: 5.0, ..Bone::default() };
+        Bone { by: Some(self.vector(0.6)), ..bone }
+    }
+
+    fn turn(&mut self) -> RigidTransform {
+        let (pivot, axis) = ([19.3, 19.6, 24.2], [0.3, 0.2, 1.0]);
+        RigidTransform { pivot, axis, angle: 5.0 * self.unit(), by: self.vector(0.4) }
+    }
+
+    fn step(&mut self) -> Step {
+        let centre = self.vector(6.0);
+        let centre = [19.3 + centre[0], 19.6 + centre[1], 24.2 + centre[2]];
+        let kind = Kind::Translate { by: self.vector(1.5) };
+        match self.below(5) {
+            0 => Step::Shape(Shape { kind, centre, axis: [0.0, 0.0, 1.0], radius: 8.0, core: 0.3 }),
+            1 => {
+                let by = self.vector(2.0);
+                let material = [(2, Links { shear: 0.4, ..Links::default() }.into())];
+                let material = material.into_iter().filter(|_| self.below(2) == 0).collect();
+                Step::Chain(ChainMail { centre, grip: 2.0, by, links: Links::default(), material })
+            }
+            _ => {
+                let normal = self.vector(1.0);
+                let open = 2.0 * self.unit();
+                Step::Cut(Cut { centre, normal, radius: 9.0, core: 0.4, open })
+            }
+        }
+    }
+
+    fn part(&mut self) -> ClipPart {
+        let off = self.vector(6.0);
+        let point = [19.3 + off[0], 19.6 + off[1], 24.2 + off[2]];
+        if self.below(3) == 0 {
+            return ClipPart::Box(Cuboid { min: point.map(|c| c - 9.0), max: point.map(|c| c + 14.0) });
+        }
+        ClipPart::Plane(HalfSpace { point, normal: self.vector(1.0) })
+    }
+
     fn physics(&mut self) -> Physics {
-        let springs = |solver| {
-            let params = mass_spring::Params {
-                solver,
-                springs: mass_spring::Springs { ground: 0.01, ..mass_spring::Springs::default() },
-                closeness: mass_spring::Closeness { tolerance: 1e-2, ..mass_spring::Closeness::default() },
-                ..mass_spring::Params::default()
-            };
-            Physics::Springs(Box::new(params))
-        };
         match self.below(4) {
             0 => springs(Solver::Projective),
             1 => springs(Solver::Dynamics),
@@ -276,13 +222,24 @@ impl Draw {
     }
 }
 
+/// Masses on springs that balance soon.
+fn springs(solver: Solver) -> Physics {
+    let params = mass_spring::Params {
+        solver,
+        springs: mass_spring::Springs { ground: 0.01, ..mass_spring::Springs::default() },
+        closeness: mass_spring::Closeness { tolerance: 1e-2, ..mass_spring::Closeness::default() },
+        ..mass_spring::Params::default()
+    };
+    Physics::Springs(Box::new(params))
+}
+
 #[test]
 fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
     let (exec, count) = (Exec::default(), 1000 / every());
     let first = Settings { level: 2, ..Settings::default() };
     let mut live = session(first.clone(), &exec);
     let start = live.deformed().clone();
-    let mut draw = Draw { seed: 7, ids: [const { Vec::new() }; 3] };
+    let mut draw = Draw { seed: 7, ids: [const { Vec::new() }; 6] };
     let entries = Arc::new(Mutex::new(Vec::new()));
     let log = entries.clone();
     live.record(move |entry| log.lock().unwrap().push(serde_json::to_string(entry).unwrap()));
@@ -295,7 +252,7 @@ fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
             .map_or_else(|| name.as_object().unwrap().keys().next().unwrap().clone(), String::from);
         let (settings, displacement) = (live.settings().clone(), live.displacement().clone());
         tried += 1;
-        assert!(tried < 6000, "most events are refused");
+        assert!(tried < 9000, "most events are refused");
         if live.apply(event, &exec).is_ok() {
             *kinds.entry(name).or_insert(0) += 1;
             let now = live.settings();
@@ -303,6 +260,9 @@ fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
                 now.handles.iter().map(|one| one.id).collect(),
                 now.fixed.iter().map(|one| one.id).collect(),
                 now.shapes.iter().map(|one| one.id).collect(),
+                now.bones.iter().map(|one| one.id).collect(),
+                now.space.iter().map(|one| one.id).collect(),
+                now.clip.parts.iter().map(|one| one.id).collect(),
             ];
         } else {
             refused += 1;
@@ -314,12 +274,18 @@ fn random_events_replay_to_the_bit_and_are_undone_to_the_first() {
         if live.events().count().is_multiple_of(50) {
             assert_as_at_once(&live, &exec);
         }
-        // Many handles and shapes soon fold anything.
-        if live.settings().handles.len() + live.settings().shapes.len() > 3 {
+        // Many handles and shapes soon fold anything, and many clips leave nothing.
+        let Settings { handles, shapes, bones, space, clip, .. } = live.settings();
+        let (many, clips) =
+            (handles.len() + shapes.len() + bones.len() + space.len() > 4, clip.parts.clone());
+        if many {
             live.apply(Event::Reset, &exec).unwrap();
         }
+        for part in clips.iter().filter(|_| clips.len() > 2) {
+            live.apply(Event::Unclip { clip: part.id }, &exec).unwrap();
+        }
     }
-    assert_eq!(kinds.len(), 17, "{kinds:?}");
+    assert_eq!(kinds.len(), 27, "{kinds:?}");
     assert!(refused > count / 20, "{refused}");
     let end = (live.deformed().clone(), live.displacement().clone(), live.settings().clone());
 
@@ -402,11 +368,6 @@ fn bad_events_are_named() {
             .contains("another grid")
     );
     drop(volume);
-}
-
-/// A handle on the ball's top.
-fn top() -> Handle {
-    Handle { at: pick([0.0, 0.0, 1.0]), action: Action::Move([0.0; 3]), radius: 9.0 }
 }
 
 #[test]

@@ -27,6 +27,7 @@
 //! ```
 
 mod by;
+mod kept;
 mod params;
 mod region;
 mod stage;
@@ -38,6 +39,7 @@ use crate::Error;
 use crate::combine::nearest_data;
 use crate::warp::{check_grid, recount};
 pub use by::{By, Tag};
+pub use kept::Kept;
 pub use params::{ClipParams, Cuboid, HalfSpace};
 use region::{Part, Region};
 pub(crate) use stage::labelled;
@@ -76,8 +78,7 @@ pub fn volume(
     let region = prepare(volume.grid(), params, by, "volume", exec)?;
     exec.check_memory("the clipped volume", volume.voxels().as_bytes().len() as u64)?;
     exec.run(|| {
-        let real = params.background.or_else(|| volume.range().map(|range| range[0]));
-        let background = real.map_or(0.0, |real| volume.stored(real));
+        let background = stored_background(volume, params);
         with_voxels!(volume.voxels(), slice => {
             let background = nearest_data(background);
             let (voxels, counts) = run(slice, &region, exec, |_| background)?;
@@ -129,6 +130,12 @@ pub fn mask(mask: &Mask, params: &ClipParams, by: &By<'_>, exec: &Exec) -> Resul
         }
         Ok(Clipped::new(output, counts, mask.grid()))
     })
+}
+
+/// The value of what is thrown away of a volume, as a stored one.
+fn stored_background(volume: &Volume, params: &ClipParams) -> f64 {
+    let real = params.background.or_else(|| volume.range().map(|range| range[0]));
+    real.map_or(0.0, |real| volume.stored(real))
 }
 
 /// A background that is a whole number up to `most`.
@@ -205,34 +212,48 @@ fn run<T: Scalar>(
     exec: &Exec,
     discarded: impl Fn(T) -> T + Sync,
 ) -> Result<(Vec<T>, Counts), Error> {
-    let [nx, ny, nz] = region.dims();
+    let [nx, ny, _] = region.dims();
     let mut out = vec![T::default(); voxels.len()];
     let counts = parallel::try_map_pieces_mut(&mut out, 8 * nx * ny, &|bz, out| {
         exec.check_cancelled()?;
         out.copy_from_slice(&voxels[8 * nx * ny * bz..][..out.len()]);
         let mut counts = Counts::default();
         for (by, bx) in (0..ny.div_ceil(8)).flat_map(|by| (0..nx.div_ceil(8)).map(move |bx| (by, bx))) {
-            let part = if exec.skip { region.brick([bx, by, bz]) } else { Part::Some };
-            counts.bricks += u64::from(part == Part::Some);
-            if part == Part::All {
-                continue;
-            }
-            for (z, y) in
-                (8 * bz..nz.min(8 * bz + 8)).flat_map(|z| (8 * by..ny.min(8 * by + 8)).map(move |y| (z, y)))
-            {
-                for x in 8 * bx..nx.min(8 * bx + 8) {
-                    if part == Part::None || !region.keeps([x, y, z]) {
-                        let value = &mut out[x + nx * (y + ny * (z - 8 * bz))];
-                        *value = discarded(*value);
-                        counts.clipped += 1;
-                    }
-                }
-            }
+            discard(region, [bx, by, bz], exec.skip, out, &discarded, &mut counts);
         }
         Ok::<_, Error>(counts)
     })?;
     let sum = |a: Counts, b: Counts| Counts { clipped: a.clipped + b.clipped, bricks: a.bricks + b.bricks };
     Ok((out, counts.into_iter().fold(Counts::default(), sum)))
+}
+
+/// Discards what isn't kept of a brick.
+///
+/// - `out`: the slab of eight slices that it lies in.
+fn discard<T: Scalar>(
+    region: &Region<'_>,
+    [bx, by, bz]: [usize; 3],
+    skip: bool,
+    out: &mut [T],
+    discarded: &impl Fn(T) -> T,
+    counts: &mut Counts,
+) {
+    let [nx, ny, nz] = region.dims();
+    let part = if skip { region.brick([bx, by, bz]) } else { Part::Some };
+    counts.bricks += u64::from(part == Part::Some);
+    if part == Part::All {
+        return;
+    }
+    for (z, y) in (8 * bz..nz.min(8 * bz + 8)).flat_map(|z| (8 * by..ny.min(8 * by + 8)).map(move |y| (z, y)))
+    {
+        for x in 8 * bx..nx.min(8 * bx + 8) {
+            if part == Part::None || !region.keeps([x, y, z]) {
+                let value = &mut out[x + nx * (y + ny * (z - 8 * bz))];
+                *value = discarded(*value);
+                counts.clipped += 1;
+            }
+        }
+    }
 }
 
 #[cfg(test)]

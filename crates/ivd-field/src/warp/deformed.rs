@@ -9,22 +9,9 @@ use nalgebra::Vector3;
 
 use super::row::{LANES, Rows};
 use super::sample::Source;
-use super::{Order, WarpParams, check_grid, for_each_row, linear_row};
+use super::{Order, WarpParams, check_grid, for_each_row, linear_row, sided};
 use crate::Error;
 use crate::sampler::brick_at;
-
-/// Runs the same code on two buffers of one type, whatever it is.
-macro_rules! of_one_type {
-    ($a:expr, $b:expr, $x:ident, $y:ident => $body:expr) => {
-        of_one_type!(@ $a, $b, $x, $y => $body; U8 I8 U16 I16 U32 I32 F32 F64)
-    };
-    (@ $a:expr, $b:expr, $x:ident, $y:ident => $body:expr; $($tag:ident)*) => {
-        match ($a, $b) {
-            $((Voxels::$tag($x), Voxels::$tag($y)) => Some($body),)*
-            _ => None,
-        }
-    };
-}
 
 /// What [`volume`](super::volume) makes of a volume, made anew brick by brick where its displacement changed.
 ///
@@ -72,7 +59,7 @@ impl Deformed {
     /// - `volume`: the one it was made of.
     ///
     /// # Errors
-    /// A volume or a displacement on another grid, a displacement with a cut, a volume of another type; cancellation, before anything is changed.
+    /// A volume or a displacement on another grid, a volume of another type; cancellation, before anything is changed.
     pub fn update(
         &mut self,
         volume: &Volume,
@@ -82,13 +69,6 @@ impl Deformed {
     ) -> Result<u64, Error> {
         check_grid(volume.grid(), displacement, "volume")?;
         check_grid(self.output.grid(), displacement, "deformed volume")?;
-        if displacement.has_cut() {
-            return Err(Error::Mismatch {
-                what: "displacement",
-                problem: "it has a cut, and what is kept knows no sides".into(),
-                remedy: "warp the volume as a whole",
-            });
-        }
         exec.check_cancelled()?;
         let job = Job {
             displacement,
@@ -113,16 +93,17 @@ impl Deformed {
 }
 
 /// Bricks to be made.
-struct Job<'a> {
-    displacement: &'a Displacement,
-    bricks: &'a [usize],
-    order: Order,
-    background: f64,
-    simd: bool,
+pub(super) struct Job<'a> {
+    pub(super) displacement: &'a Displacement,
+    pub(super) bricks: &'a [usize],
+    pub(super) order: Order,
+    pub(super) background: f64,
+    pub(super) simd: bool,
 }
 
 impl Job<'_> {
-    fn run<T: Scalar>(&self, voxels: &[T], out: &mut [T]) -> u64 {
+    /// Makes them of the voxels at rest; how many voxels were computed.
+    pub(super) fn run<T: Scalar>(&self, voxels: &[T], out: &mut [T]) -> u64 {
         let grid = self.displacement.grid();
         let ([nx, ny, _], brick_dims) = (grid.dims(), self.displacement.inverse().brick_dims());
         let source = Source { voxels, dims: grid.dims() };
@@ -139,6 +120,12 @@ impl Job<'_> {
         counts.iter().sum()
     }
 
+    /// Whether some of these voxels comes from a side of a cut, where its neighbours may not count.
+    fn is_sided(&self, first: usize, count: usize) -> bool {
+        let sides = self.displacement.sides().get(first..first + count).unwrap_or_default();
+        sides.iter().any(|side| side >> 2 != 0)
+    }
+
     /// One brick of a slab; how many of its voxels were computed.
     fn brick<T: Scalar>(
         &self,
@@ -150,8 +137,10 @@ impl Job<'_> {
         out: &mut [T],
     ) -> u64 {
         let background = T::from_f64(self.background);
-        let value = |_: VoxelIndex, place: Option<[f64; 3]>| match place {
-            Some(x) => source.sample(x, self.order).map_or(background, T::from_f64),
+        let value = |voxel: VoxelIndex, place: Option<[f64; 3]>| match place {
+            Some(x) => {
+                sided::sample(source, self.displacement, voxel, x, self.order).map_or(background, T::from_f64)
+            }
             None => background,
         };
         let field = self.displacement.inverse();
@@ -162,7 +151,9 @@ impl Job<'_> {
             let to = &mut out[range.clone()];
             let at = |i: usize| VoxelIndex([start[0] + i, start[1], start[2]]);
             match vectors {
-                Some(vectors) if self.order == Order::Linear => {
+                Some(vectors)
+                    if self.order == Order::Linear && !self.is_sided(grid.linear(at(0)), to.len()) =>
+                {
                     let (row, _) = vectors[row..].split_first_chunk::<LANES>().expect("a brick's row");
                     count += linear_row(rows, (start, row, None), &voxels[range], to, &value);
                 }
@@ -186,3 +177,6 @@ impl Job<'_> {
         count
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,6 +10,7 @@
 //! extent, as ITK has it), where a voxel that is no data takes part in its value, or where a part moved away.
 
 mod deformed;
+mod deformed_labels;
 mod labels;
 mod params;
 pub mod plan;
@@ -29,6 +30,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 pub use deformed::Deformed;
+pub use deformed_labels::DeformedLabels;
 pub(crate) use labels::{label_background, recount};
 pub use labels::{labels, mask};
 pub use params::{Order, WarpParams};
@@ -255,7 +257,7 @@ fn linear_slab<T: Scalar>(
 
 /// Calls `each` with every row of a brick that lies in the grid: its first voxel, its first vector in the brick, and its voxels in
 /// the brick's slab of eight slices.
-fn for_each_row(
+pub(crate) fn for_each_row(
     [nx, ny, nz]: [usize; 3],
     [bx, by, bz]: [usize; 3],
     mut each: impl FnMut([usize; 3], usize, std::ops::Range<usize>),

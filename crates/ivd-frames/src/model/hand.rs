@@ -1,10 +1,8 @@
 //! What is under the pointer, and what is held.
 
-use ivd_core::{VoxelCoord, World};
-use ivd_field::sampler::{Sampler, gradient};
 use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::{Drag, Model, nothing_there};
 use crate::figures::{Hovered, Spot};
@@ -17,33 +15,13 @@ use crate::{Axis, Error, Pane};
 const NEAR: f64 = 0.025;
 /// A handle lies in a slice, or isn't hidden, up to so many voxels beyond it.
 const BESIDE: f64 = 2.5;
-/// Newton's steps at most: two or three are enough.
-const NEWTON: usize = 6;
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
 
 impl Model {
-    /// Where what is now at a place was at rest (mm, RAS): between voxels closer than the inverse field, by Newton's steps on the forward one from there.
+    /// Where what is now at a place was at rest (mm, RAS); see [`ivd_field::place::at_rest`].
     pub fn rest_of(&self, place: [f64; 3]) -> [f64; 3] {
-        let displacement = self.session.displacement();
-        let grid = displacement.grid();
-        let VoxelCoord(voxel) = grid.voxel(World(place.into()));
-        let forward = Sampler::new(displacement.forward(), grid);
-        let mut rest = voxel + Sampler::new(displacement.inverse(), grid).at(voxel);
-        let mut off = rest + forward.at(rest) - voxel;
-        for _ in 0..NEWTON {
-            let (cell, within) = forward.locate(rest);
-            let slope = Matrix3::identity() + gradient(&forward.corners(cell), within);
-            let Some(step) = slope.try_inverse().map(|inverse| inverse * off) else { break };
-            let next = rest - step;
-            let left = next + forward.at(next) - voxel;
-            // Where nothing has gone from, as beside what is left behind, no step comes nearer.
-            if left.norm() >= off.norm() {
-                break;
-            }
-            (rest, off) = (next, left);
-        }
-        grid.world(VoxelCoord(rest)).0.into()
+        self.session.rest_of(place)
     }
 
     /// What lies under the pointer.
@@ -127,8 +105,8 @@ impl Model {
             Some(Action::Move(by)) => Vector3::from(by),
             // Where the force has taken it: from there it goes with the hand.
             Some(Action::Force(_)) | None => {
-                let spot = self.spots.iter().find(|spot| spot.id == handle);
-                spot.map_or_else(Vector3::zeros, |spot| Vector3::from(spot.now) - Vector3::from(spot.rest))
+                let picks = find_picks(self.session.lattice(), "handle", held.map(|held| &held.at))?;
+                picks.first().map_or_else(Vector3::zeros, |pick| self.gone_by(pick.vertex))
             }
         };
         if let Some(held) = held {

@@ -2,6 +2,7 @@
 
 mod hand;
 mod looks;
+mod parts;
 mod told;
 
 use std::time::{Duration, Instant};
@@ -282,6 +283,11 @@ impl Model {
                 self.apply(Event::Pin { id: None, pin })
             }
             Request::Release { fix } => self.apply(Event::Release { fix: *fix }),
+            Request::Incise { .. }
+            | Request::Close { .. }
+            | Request::Clip { .. }
+            | Request::Unclip { .. }
+            | Request::Turn { .. } => self.change_part(request),
             Request::Undo => {
                 self.let_go()?;
                 let exec = self.in_time();
@@ -415,7 +421,7 @@ impl Model {
 
     fn no_more_than(&self, most: usize) -> Result<(), Error> {
         let settings = self.session.settings();
-        let count = settings.handles.len().max(settings.fixed.len());
+        let count = settings.handles.len().max(settings.fixed.len()).max(settings.clip.parts.len());
         if count < most {
             return Ok(());
         }
@@ -437,10 +443,13 @@ impl Model {
         let settings = self.session.settings();
         let lattice = self.session.lattice();
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
-        let moved = self.session.motion().and_then(|motion| motion.frames().last());
+        // Steps in space move voxels and no lattice: it is the voxels that are seen.
+        let is_seen = |at: [f64; 3], now: [f64; 3]| {
+            if settings.space.is_empty() { now } else { self.session.moved(at) }
+        };
         let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
-            let gone = moved.map_or([0.0; 3], |frame| frame.displacement[pick.vertex]);
-            let now = std::array::from_fn(|a| pick.at[a] + gone[a]);
+            let gone = self.gone_by(pick.vertex);
+            let now = is_seen(pick.at, std::array::from_fn(|a| pick.at[a] + gone[a]));
             let (by, with) = match one.action {
                 Action::Move(by) => (Some(by), None),
                 Action::Force(with) => (None, Some(with)),
@@ -461,7 +470,7 @@ impl Model {
         let pins = settings.fixed.iter().zip(picks).map(|(one, pick)| Spot {
             id: one.id,
             rest: pick.at,
-            now: pick.at,
+            now: is_seen(pick.at, pick.at),
             by: None,
             with: None,
             radius: one.radius,
@@ -471,6 +480,12 @@ impl Model {
         (self.pins, self.spots) = (pins.collect(), spots);
         self.place_spots();
         Ok(())
+    }
+
+    /// How far a vertex has moved (mm).
+    fn gone_by(&self, vertex: usize) -> Vector3<f64> {
+        let moved = self.session.motion().and_then(|motion| motion.frames().last());
+        moved.map_or_else(Vector3::zeros, |frame| Vector3::from(frame.displacement[vertex]))
     }
 
     /// Finds where the panes show them.

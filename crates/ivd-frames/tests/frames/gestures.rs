@@ -168,6 +168,11 @@ fn what_makes_no_sense_is_refused_and_changes_nothing() {
         Request::Move { handle: 0, by: [1e308; 3] },
         Request::Orbit { by: [f64::NAN, 0.0] },
         Request::Wheel { steps: i32::MAX },
+        Request::Incise { centre: [16.0; 3], normal: [0.0, 0.0, 1.0], radius: -8.0, open: 1.0 },
+        Request::Incise { centre: [16.0; 3], normal: [0.0, 0.0, 1.0], radius: 1e308, open: 1.0 },
+        Request::Incise { centre: [16.0; 3], normal: [0.0, f64::NAN, 1.0], radius: 8.0, open: 1.0 },
+        Request::Clip { point: [f64::INFINITY; 3], normal: [0.0, 0.0, 1.0] },
+        Request::Turn { bone: 0, pivot: [0.0; 3], axis: [1.0; 3], angle: f64::NAN, by: [0.0; 3] },
     ];
     for request in wrong {
         assert!(model.follow(&request).is_err(), "{request:?}");
@@ -178,6 +183,12 @@ fn what_makes_no_sense_is_refused_and_changes_nothing() {
         Request::Move { handle: 7, by: [1.0; 3] },
         Request::Level { level: 200 },
         Request::Stiffness { stiffness: -3.0 },
+        Request::Incise { centre: [16.0; 3], normal: [0.0; 3], radius: 8.0, open: 1.0 },
+        Request::Incise { centre: [900.0; 3], normal: [0.0, 0.0, 1.0], radius: 8.0, open: 1.0 },
+        Request::Clip { point: [16.0; 3], normal: [0.0; 3] },
+        Request::Close { space: 3 },
+        Request::Unclip { clip: 3 },
+        Request::Turn { bone: 0, pivot: [0.0; 3], axis: [1.0; 3], angle: 3.0, by: [0.0; 3] },
         Request::Add { place: [900.0; 3], by: [0.0; 3] },
     ] {
         assert!(follow(&mut model, &request).refused.is_some(), "{request:?}");
@@ -318,4 +329,48 @@ fn only_pixels_whose_rays_meet_bricks_that_changed_change() {
     assert!(changed.iter().all(|&i| may_change[i]));
     let may = may_change.iter().filter(|may| **may).count();
     assert!(may < 128 * 128 / 2, "{may} pixels could change");
+}
+
+#[test]
+fn an_incision_opens_changes_and_closes_and_what_is_clipped_is_gone() {
+    let mut model = model(BALL);
+    let rest = model.session().deformed().clone();
+    let incise = |open| Request::Incise { centre: [16.0; 3], normal: [1.0, 0.0, 0.0], radius: 12.0, open };
+    let opened = follow(&mut model, &incise(2.0));
+    assert_eq!((opened.refused, opened.space, opened.undo.as_deref()), (None, vec![0], Some("cut open")));
+    // There is nothing between the lips, and what lies beside them comes from its own side.
+    let lip = |model: &Model, off: f64| model.rest_of([16.0 + off, 16.0, 16.0])[0];
+    assert_eq!(model.session().deformed().value(VoxelIndex([16; 3])), 0.0);
+    assert!(
+        lip(&model, 1.4) > 16.2 && lip(&model, -1.4) < 15.8,
+        "{} {}",
+        lip(&model, 1.4),
+        lip(&model, -1.4)
+    );
+    let wider = follow(&mut model, &incise(3.0));
+    assert_eq!((wider.refused, wider.space, wider.undo.as_deref()), (None, vec![0], Some("change a cut")));
+    let clipped = follow(&mut model, &Request::Clip { point: [16.0, 20.0, 16.0], normal: [0.0, -1.0, 0.0] });
+    assert_eq!((clipped.refused, clipped.clips), (None, vec![0]));
+    let seen = follow(&mut model, &Request::Hover { pane: Pane::Volume, at: [0.4, 0.5] }).hovered.unwrap();
+    assert!((seen.place[1] - 20.0).abs() < 1.0, "seen from the front: {:?}", seen.place);
+    assert!(follow(&mut model, &Request::Unclip { clip: 0 }).clips.is_empty());
+    assert!(follow(&mut model, &Request::Close { space: 0 }).space.is_empty());
+    assert_eq!(model.session().deformed(), &rest);
+    assert_eq!(follow(&mut model, &incise(1.0)).space, [1], "a number that was given away isn't given again");
+}
+
+#[test]
+fn a_handle_is_shown_where_steps_in_space_take_what_it_holds() {
+    let push = "[[space.step]]\nkind = \"translate\"\nby = [0.0, 0.0, 1.5]\ncentre = [16.0, 28.0, 16.0]\nradius = 9.0\n";
+    let mut model = model(&format!("{BALL}{push}"));
+    let added = follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -0.5, 0.0] });
+    let spot = &added.handles[0];
+    let way: Vec<f64> = (0..3).map(|a| spot.now[a] - spot.rest[a]).collect();
+    assert!((way[1] + 0.5).abs() < 0.2 && (way[2] - 1.5).abs() < 0.2 && way[0].abs() < 0.1, "{way:?}");
+    let back = model.rest_of(spot.now);
+    let off: f64 = (0..3).map(|a| (back[a] - spot.rest[a]).abs()).sum();
+    assert!(off < 1e-3, "{off}");
+    let at = spot.at[Pane::Axial.number()].unwrap();
+    follow(&mut model, &Request::Cross { pane: Pane::Coronal, at: [0.5, 0.5] });
+    assert!(follow(&mut model, &Request::Grab { pane: Pane::Axial, at }).held.is_some());
 }

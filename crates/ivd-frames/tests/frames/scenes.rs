@@ -14,6 +14,9 @@ fn a_scene_goes_into_a_session_and_out_again_without_loss() {
         "[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n",
         "[deform]\nsolver = \"projective\"\nstiffness = 30.0\nyoungs_kpa = 12.0\ntolerance = 0.01\n[[deform.handle]]\nvertex = 3\nforce = [0.0, 0.0, 4.0]\nradius = 9.0\n[[deform.fix]]\npick = [16.0, 4.0, 16.0]\nradius = 3.0\n",
         "[deform]\nsolver = \"dynamics\"\n[[deform.shape]]\nkind = \"twist\"\nrate = 2.0\ncentre = [16.0, 16.0, 16.0]\nradius = 9.0\n[map]\nmethod = \"biharmonic\"\nmargin = 2.0\n[warp]\norder = \"cubic\"\nbackground = 3.0\n",
+        "[deform]\nsolver = \"projective\"\n[[deform.rigid]]\nname = \"C5\"\ncentre = [16.0, 16.0, 5.0]\nradius = 4.0\nreach = 6.0\npivot = [16.0, 16.0, 5.0]\naxis = [1.0, 0.0, 0.0]\nangle = 4.0\n[[deform.rigid]]\nlow = [12.0, 12.0, 25.0]\nhigh = [20.0, 20.0, 30.0]\nreach = 5.0\nmove = [0.0, 0.5, 0.0]\n",
+        "[[space.step]]\nkind = \"chain\"\ncentre = [16.0, 16.0, 16.0]\ngrip = 2.0\nby = [0.0, 1.0, 0.0]\nshear = 0.3\n[[space.step]]\nkind = \"cut\"\ncentre = [16.0, 16.0, 16.0]\nnormal = [0.0, 0.0, 1.0]\nradius = 8.0\nopen = 1.5\n[[space.step]]\nkind = \"translate\"\nby = [0.0, 1.0, 0.0]\ncentre = [16.0, 20.0, 16.0]\nradius = 8.0\n",
+        "[clip]\ninvert = true\nbackground = 2.0\nspace = \"rest\"\n[[clip.planes]]\npoint = [16.0, 16.0, 16.0]\nnormal = [0.0, 1.0, 0.0]\n[[clip.boxes]]\nmin = [2.0, 2.0, 2.0]\nmax = [30.0, 20.0, 30.0]\n[[clip.planes]]\npoint = [12.0, 16.0, 16.0]\nnormal = [1.0, 1.0, 0.0]\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n",
     ];
     for text in moved {
         let subject = Subject::open(
@@ -30,11 +33,32 @@ fn a_scene_goes_into_a_session_and_out_again_without_loss() {
         let written = subject.scene_of(&subject.settings).unwrap();
         let read = scene::parse(&written.to_text().unwrap(), &[]).unwrap();
         assert_eq!(read, written, "{text}");
-        for stage in [&ivd_motion::deform::STAGE, &ivd_map::STAGE, &ivd_field::warp::STAGE] {
+        for stage in [
+            &ivd_motion::deform::STAGE,
+            &ivd_map::STAGE,
+            &ivd_map::space::STAGE,
+            &ivd_field::warp::STAGE,
+            &ivd_field::clip::STAGE,
+        ] {
             let before = subject.scene.section(stage).unwrap().job().params();
             assert_eq!(read.section(stage).unwrap().job().params(), before, "{text}: {}", stage.name);
         }
     }
+}
+
+#[test]
+fn what_was_taken_away_is_not_in_the_scene_any_more() {
+    let opened = "[[space.step]]\nkind = \"cut\"\ncentre = [16.0, 16.0, 16.0]\nnormal = [0.0, 0.0, 1.0]\nradius = 8.0\nopen = 1.5\n[clip]\ninvert = true\n[[clip.planes]]\npoint = [16.0, 16.0, 16.0]\nnormal = [0.0, 1.0, 0.0]\n";
+    let mut model = model(&format!("{BALL}{opened}"));
+    assert!(model.session().deformed() != model.session().rest());
+    for request in [Request::Unclip { clip: 0 }, Request::Close { space: 0 }] {
+        model.follow(&request).unwrap();
+    }
+    assert_eq!(model.session().deformed(), model.session().rest());
+    let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
+    let text = String::from_utf8(kept.bytes).unwrap();
+    assert!(!text.contains("clip") && !text.contains("space"), "{text}");
+    assert!(scene::parse(&text, &[]).unwrap().check().is_ok());
 }
 
 #[test]
@@ -52,15 +76,26 @@ fn a_scene_that_moves_something_opens_as_it_is_moved() {
 
 #[test]
 fn classes_are_found_where_matter_goes_by_them() {
-    let text = "[segment]\nk = 2\n[deform]\nsolver = \"projective\"\n[deform.material.2]\nstiffness = 20.0\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n";
-    let loaded = loaded(&format!("{BALL}{text}"));
-    let (cache, exec) = (ivd_artefact::Cache::disabled(), Exec::default());
-    let subject = Subject::open(&loaded, false, &cache, &exec, &Tell::default()).unwrap();
-    assert!(subject.labels.is_some());
-    let read = scene::parse(&subject.scene_of(&subject.settings).unwrap().to_text().unwrap(), &[]).unwrap();
-    let params = |scene: &scene::Scene| scene.section(&ivd_motion::deform::STAGE).unwrap().job().params();
-    assert_eq!(params(&read), params(&subject.scene));
-    assert!(ivd_frames::Model::new(subject, [64, 64], exec).is_ok());
+    let handle = "[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n";
+    let springs = "[deform]\nsolver = \"projective\"\n";
+    let bone = "[[deform.rigid]]\nclass = 2\ncentre = [16.0, 16.0, 5.0]\nradius = 4.0\nreach = 6.0\n";
+    let chain = "[[space.step]]\nkind = \"chain\"\ncentre = [16.0, 16.0, 16.0]\ngrip = 2.0\nby = [0.0, 1.0, 0.0]\n[space.step.material.2]\nshear = 0.3\n";
+    for (text, stage) in [
+        (format!("{springs}[deform.material.2]\nstiffness = 20.0\n{handle}"), &ivd_motion::deform::STAGE),
+        (format!("{springs}{bone}{handle}"), &ivd_motion::deform::STAGE),
+        (chain.to_owned(), &ivd_map::space::STAGE),
+    ] {
+        let loaded = loaded(&format!("{BALL}[segment]\nk = 2\n{text}"));
+        let (cache, exec) = (ivd_artefact::Cache::disabled(), Exec::default());
+        let subject = Subject::open(&loaded, false, &cache, &exec, &Tell::default()).unwrap();
+        assert!(subject.labels.is_some(), "{text}");
+        let read =
+            scene::parse(&subject.scene_of(&subject.settings).unwrap().to_text().unwrap(), &[]).unwrap();
+        let params = |scene: &scene::Scene| scene.section(stage).unwrap().job().params();
+        assert_eq!(params(&read), params(&subject.scene));
+        let model = ivd_frames::Model::new(subject, [64, 64], exec).unwrap();
+        assert!(!model.session().displacement().is_identity(), "{text}");
+    }
 }
 
 #[test]
@@ -78,16 +113,19 @@ fn a_level_that_is_asked_for_stays() {
 #[test]
 fn what_a_session_does_not_have_is_refused_by_name() {
     for (text, part) in [
-        ("[[space.step]]\nkind = \"cut\"\npoint = [1.0, 1.0, 1.0]\nnormal = [0.0, 0.0, 1.0]\n", "[space]"),
+        ("[combine]\nwith = \"labels\"\n", "[combine]"),
+        ("[clip]\ntag = \"labels\"\n", "clip.tag"),
+        (
+            "[clip]\nof = \"input\"\n[[clip.planes]]\npoint = [16.0, 16.0, 16.0]\nnormal = [0.0, 1.0, 0.0]\n",
+            "clip.of",
+        ),
         (
             "[deform]\nsolver = \"body\"\n[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n[map]\nmethod = \"body\"\n",
             "body",
         ),
-        ("[octree]\ndepth = 4\n", "[octree]"),
+        ("[octree]\nleaf_size = 4\n", "[octree]"),
     ] {
-        // Some keys are those of no scene at all: then the scene says so itself.
-        let Ok(scene) = scene::parse(&format!("{BALL}{text}"), &[]) else { continue };
-        let loaded = scene::Loaded { scene, folder: ".".into(), file: "scene.toml".into() };
+        let loaded = loaded(&format!("{BALL}{text}"));
         let opened = Subject::open(
             &loaded,
             false,

@@ -4,11 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ivd_artefact::Cache;
 use ivd_core::{Displacement, Exec, Value as _, Volume};
+use ivd_field::lies::Lies;
+use ivd_field::shape::{Kind, Shape};
 use ivd_frames::{Axis, MapName, Model, Pane, Request, Saved};
+use ivd_map::space::Step;
 use ivd_pipeline::plan::Plan;
 use ivd_pipeline::scene::{Loaded, parse};
 use ivd_pipeline::{PipelineOptions, Runner, run_node};
 use ivd_render::Side;
+use ivd_session::{ClipRule, Event, Settings};
 
 use super::common::{BALL, Draw, model};
 
@@ -19,7 +23,7 @@ fn every() -> usize {
 }
 
 /// Verbs, by what they are called.
-const VERBS: [&str; 19] = [
+const VERBS: [&str; 23] = [
     "orbit",
     "pan",
     "zoom",
@@ -39,11 +43,58 @@ const VERBS: [&str; 19] = [
     "level",
     "stiffness",
     "map",
+    "incise",
+    "clip",
+    "bone",
+    "space",
 ];
 
 /// A place where the ball is seen from the front, and in every slice.
 fn place(draw: &mut Draw) -> [f64; 2] {
     [0, 1].map(|_| 0.35 + 0.3 * draw.unit())
+}
+
+/// A scene in which there is a bone, so that masses are on springs.
+const BONED: &str = r#"
+[deform]
+solver = "projective"
+tolerance = 0.01
+ground = 0.01
+[[deform.rigid]]
+centre = [16.0, 16.0, 5.0]
+radius = 4.0
+reach = 6.0
+"#;
+
+/// A scene that is cut open and clipped as it begins.
+const OPENED: &str = r#"
+[[space.step]]
+kind = "cut"
+centre = [16.0, 16.0, 18.0]
+normal = [1.0, 0.0, 0.0]
+radius = 9.0
+open = 1.5
+[clip]
+space = "rest"
+[[clip.planes]]
+point = [16.0, 18.0, 16.0]
+normal = [0.0, -1.0, 0.0]
+"#;
+
+/// What is done to a session for the verb that no request does: steps in space other than a cut, and clips of the body at rest.
+fn events(draw: &mut Draw) -> Event {
+    let kind = Kind::Translate { by: [0, 1, 2].map(|_| 1.6 * (draw.unit() - 0.5)) };
+    let centre = [0, 1, 2].map(|_| 16.0 + 8.0 * (draw.unit() - 0.5));
+    let step = Step::Shape(Shape { kind, centre, axis: [0.0, 0.0, 1.0], radius: 8.0, core: 0.3 });
+    match draw.below(4) {
+        0 => Event::Unspace { space: draw.below(4) as u32 },
+        1 => Event::ClipRule(ClipRule {
+            invert: draw.below(4) == 0,
+            background: [None, Some(2.0)][draw.below(2)],
+            space: [None, Some(Lies::Rest)][draw.below(2)],
+        }),
+        _ => Event::Space { id: None, step },
+    }
 }
 
 /// What a person does for a verb, as requests.
@@ -90,6 +141,32 @@ fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
         "level" => vec![Request::Level { level: [0, 1, 1, 2][draw.below(4)] }],
         "stiffness" => vec![Request::Stiffness { stiffness: 20.0 + 60.0 * draw.unit() }],
         "map" => vec![Request::Map { map: [MapName::Octree, MapName::Biharmonic][draw.below(2)] }],
+        // A cut that opens, one that changes, and one that closes.
+        "incise" => {
+            let centre = [0, 1, 2].map(|_| 16.0 + 6.0 * (draw.unit() - 0.5));
+            let normal = [draw.unit() + 0.1, draw.unit() - 0.5, draw.unit() - 0.5];
+            let cut = Request::Incise { centre, normal, radius: 8.0, open: 2.0 * draw.unit() };
+            match draw.below(3) {
+                0 => vec![Request::Close { space: draw.below(4) as u32 }, cut],
+                _ => vec![cut],
+            }
+        }
+        "clip" => {
+            let point = [0, 1, 2].map(|_| 16.0 + 8.0 * (draw.unit() - 0.5));
+            let normal = [draw.unit() - 0.5, draw.unit() - 0.5, 0.1];
+            let clip = draw.below(3) as u32;
+            match draw.below(2) {
+                0 => vec![Request::Clip { point, normal }, Request::Unclip { clip }],
+                _ => vec![Request::Clip { point, normal }],
+            }
+        }
+        "bone" => vec![Request::Turn {
+            bone: 0,
+            pivot: [16.0, 16.0, 6.0],
+            axis: [1.0, draw.unit(), 0.0],
+            angle: 6.0 * (draw.unit() - 0.5),
+            by: [0.0, 0.0, draw.unit() - 0.5],
+        }],
         other => panic!("no verb {other}"),
     }
 }
@@ -105,15 +182,12 @@ fn made(text: &str) -> (Option<Displacement>, Volume) {
     for node in plan.nodes().iter().filter(|n| n.needed && n.id.stage != "render") {
         done.insert(node.id, run_node(node, &done, runner, &PipelineOptions::default()).unwrap());
     }
-    let displacement = done.values().find_map(|result| Displacement::of(&result.artefact)).cloned();
-    let volume = |stage: &str| {
-        done.iter()
-            .find(|(id, _)| id.stage == stage)
-            .and_then(|(_, result)| Volume::of(&result.artefact))
-            .cloned()
-    };
-    // A scene that moves nothing asks for a picture alone.
-    let volume = if displacement.is_some() { volume("warp") } else { volume("import") };
+    let of_stage = |stage: &str| done.iter().find(|(id, _)| id.stage == stage).map(|(_, result)| result);
+    let field = |stage| of_stage(stage).and_then(|result| Displacement::of(&result.artefact)).cloned();
+    let volume = |stage| of_stage(stage).and_then(|result| Volume::of(&result.artefact)).cloned();
+    // Each goes on from the one before; a scene that moves nothing asks for a picture alone.
+    let displacement = field("space").or_else(|| field("map"));
+    let volume = volume("clip").or_else(|| volume("warp")).or_else(|| volume("import"));
     (displacement, volume.unwrap())
 }
 
@@ -137,9 +211,9 @@ fn scripts_end_where_the_pipeline_does() {
     let all: Vec<[usize; 2]> =
         (0..VERBS.len() * VERBS.len()).map(|i| [i / VERBS.len(), i % VERBS.len()]).collect();
     let scripts = 200 / every();
-    let (mut moved, mut refused) = (0, 0);
+    let (mut moved, mut refused, mut parts) = (0, 0, [0; 3]);
     for script in 0..scripts {
-        let mut model = model(BALL);
+        let mut model = model(&format!("{BALL}{}", ["", BONED, OPENED][script % 3]));
         let start = model.session().deformed().clone();
         // Something to work on, then the pairs of this script, each verb after the one before it.
         let mut verbs = vec!["drag"];
@@ -151,6 +225,12 @@ fn scripts_end_where_the_pipeline_does() {
         }
         for verb in verbs {
             *counts.entry(verb).or_insert(0) += 1;
+            if verb == "space" {
+                // What doesn't go together changes nothing.
+                refused +=
+                    usize::from(model.session_mut().apply(events(&mut draw), &Exec::default()).is_err());
+                continue;
+            }
             for request in requests(verb, &mut draw) {
                 // A grab beside the ball takes nothing, and its drag moves nothing.
                 if model.follow(&request).is_err() {
@@ -160,6 +240,10 @@ fn scripts_end_where_the_pipeline_does() {
             assert!(!model.session().in_gesture());
         }
         moved += usize::from(!model.session().displacement().is_identity());
+        let Settings { space, clip, bones, .. } = model.session().settings();
+        let turned = bones.iter().any(|bone| bone.angle.is_some());
+        let there = [!space.is_empty(), !clip.parts.is_empty(), turned];
+        parts.iter_mut().zip(there).for_each(|(count, there)| *count += usize::from(there));
         assert_as_piped(&model);
         while model.session().steps().next().is_some() {
             model.follow(&Request::Undo).unwrap();
@@ -168,5 +252,9 @@ fn scripts_end_where_the_pipeline_does() {
     }
     assert!(pairs.len() >= all.len(), "{} of {} pairs", pairs.len(), all.len());
     assert!(counts.values().all(|&count| count >= 20), "{counts:?}");
+    assert!(
+        parts.iter().all(|&count| count * 5 > scripts),
+        "steps, clips and bones in {parts:?} of {scripts}"
+    );
     assert!(moved * 2 > scripts, "{moved} of {scripts} end deformed, {refused} requests refused");
 }

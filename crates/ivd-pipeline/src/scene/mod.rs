@@ -108,6 +108,17 @@ impl Scene {
         Ok(())
     }
 
+    /// Takes a stage's section out.
+    ///
+    /// # Errors
+    /// A section that can't do without it.
+    pub fn remove(&mut self, stage: &Stage) -> Result<(), Error> {
+        self.written.remove(stage.name);
+        self.sections = stage_sections(&self.written)
+            .map_err(|problem| Error::usage(stage_name(stage), problem.told_of("")))?;
+        Ok(())
+    }
+
     /// Names another file as the input, and none beside it.
     pub fn set_input(&mut self, file: &Path) {
         let file_alone = InputSection { file: Some(file.to_owned()), phantom: None, ..self.input.clone() };
@@ -121,11 +132,13 @@ impl Scene {
         }
     }
 
-    /// Asks for pictures, the deformed volume and its displacement; of a scene that moves nothing for a picture alone.
+    /// Asks for pictures, what becomes of the volume and its displacement; of a scene that moves nothing for no displacement, and of one
+    /// that neither combines nor clips it either for a picture alone.
     pub fn set_output(&mut self, still: bool) {
-        let images = if still { vec![Picture::Before] } else { vec![Picture::Before, Picture::After] };
-        let file = |name: &str| (!still).then(|| name.into());
-        let (volume, displacement) = (file("deformed.nii.gz"), file("inverse.nrrd"));
+        let same = still && !self.has_result();
+        let images = if same { vec![Picture::Before] } else { vec![Picture::Before, Picture::After] };
+        let file = |name: &str, made: bool| made.then(|| name.into());
+        let (volume, displacement) = (file("deformed.nii.gz", !same), file("inverse.nrrd", !still));
         self.output = OutputSection { images, volume, displacement, ..OutputSection::default() };
         let names: Vec<&str> = self.output.images.iter().map(|picture| picture.name()).collect();
         let mut output = Map::new();

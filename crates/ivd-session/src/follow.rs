@@ -1,0 +1,61 @@
+//! What goes along with a deformed volume: labels, where somebody asks for them, and single places.
+
+use ivd_core::{Exec, Labels, World};
+use ivd_field::place;
+use ivd_field::warp::{DeformedLabels, WarpParams};
+
+use crate::Error;
+use crate::session::{Session, merged, touched};
+
+/// Deformed labels, and the bricks in which they are behind.
+#[derive(Debug)]
+pub(crate) struct Followed {
+    labels: DeformedLabels,
+    behind: Vec<usize>,
+}
+
+impl Followed {
+    /// Notes bricks whose displacement has changed.
+    pub(crate) fn fall_behind(&mut self, bricks: &[usize]) {
+        self.behind = merged(&self.behind, bricks);
+    }
+}
+
+impl Session {
+    /// The classes' labels, deformed as the volume is and clipped by nothing: nearest labels, and background where nothing has come to. `None`
+    /// where the session began without labels.
+    ///
+    /// Nothing is kept of them until they are asked for; from then on the bricks that have changed since are made anew by each asking.
+    ///
+    /// # Errors
+    /// The memory limit, cancellation.
+    pub fn deformed_labels(&mut self, exec: &Exec) -> Result<Option<&Labels>, Error> {
+        let Some(labels) = &self.labels else { return Ok(None) };
+        let mut followed = match self.followed.take() {
+            Some(followed) => followed,
+            None => Followed {
+                labels: DeformedLabels::new(labels, &WarpParams::default(), exec)?,
+                behind: touched(self.displacement())?,
+            },
+        };
+        let made = followed.labels.update(labels, self.displacement(), &followed.behind, exec);
+        if made.is_ok() {
+            followed.behind.clear();
+        }
+        let followed = self.followed.insert(followed);
+        made?;
+        Ok(Some(followed.labels.output()))
+    }
+
+    /// Where what rests at a place is now (mm, RAS); see [`place::moved`].
+    pub fn moved(&self, rest: [f64; 3]) -> [f64; 3] {
+        let (displacement, grid) = (self.displacement(), self.rest().grid());
+        grid.world(place::moved(displacement, grid.voxel(World(rest.into())))).0.into()
+    }
+
+    /// Where what is now at a place was at rest (mm, RAS); see [`place::at_rest`].
+    pub fn rest_of(&self, now: [f64; 3]) -> [f64; 3] {
+        let (displacement, grid) = (self.displacement(), self.rest().grid());
+        grid.world(place::at_rest(displacement, grid.voxel(World(now.into())))).0.into()
+    }
+}
