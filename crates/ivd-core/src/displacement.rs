@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use nalgebra::Vector3;
 
-use crate::{Buffer, Error, Grid, VoxelIndex};
+use crate::{Buffer, Error, Grid, VoxelIndex, parallel};
 
 /// Mark in [`FieldBricks::table`] of a brick that isn't stored: its vectors are 0.
 pub const NO_BRICK: u32 = u32::MAX;
@@ -377,6 +377,22 @@ impl Displacement {
         Ok(changed)
     }
 
+    /// Whether something was left behind in a brick (indices of [`FieldBricks::brick_dims`]).
+    pub fn leaves_behind(&self, brick: [usize; 3]) -> bool {
+        self.rows_of(brick).any(|row| differ(&self.vacated, &[], row, u8::MAX))
+    }
+
+    /// The rows of voxels of a brick.
+    fn rows_of(&self, brick: [usize; 3]) -> impl Iterator<Item = Range<usize>> {
+        let dims = self.grid.dims();
+        let [x, y, z] = std::array::from_fn(|a| {
+            let first = FieldBricks::SIDE * brick[a];
+            first..(first + FieldBricks::SIDE).min(dims[a])
+        });
+        z.flat_map(move |z| y.clone().map(move |y| dims[0] * (y + dims[1] * z)))
+            .map(move |row| row + x.start..row + x.end)
+    }
+
     /// The bricks in which a deformed voxel's flags say something else than before.
     fn flags_changed(&self, before: &Self) -> Vec<usize> {
         let ([nx, ny, nz], bricks) = (self.grid.dims(), self.inverse.brick_dims());
@@ -387,21 +403,18 @@ impl Displacement {
                 || cut_elsewhere && differ(&self.sides, &[], voxels, ORIGIN_SIDE)
         };
         let side = FieldBricks::SIDE;
-        let mut out = Vec::new();
-        for bz in 0..bricks[2] {
+        let of_layer = |bz: usize| {
             let layers = side * bz..(side * (bz + 1)).min(nz);
             if !differs(nx * ny * layers.start..nx * ny * layers.end) {
-                continue;
+                return Vec::new();
             }
-            for (by, bx) in (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| (by, bx))) {
-                let lines = side * by..(side * (by + 1)).min(ny);
-                let mut rows = layers.clone().flat_map(|z| lines.clone().map(move |y| nx * (y + ny * z)));
-                if rows.any(|row| differs(row + side * bx..row + (side * (bx + 1)).min(nx))) {
-                    out.push(bx + bricks[0] * (by + bricks[1] * bz));
-                }
-            }
-        }
-        out
+            let all = (0..bricks[1]).flat_map(|by| (0..bricks[0]).map(move |bx| [bx, by, bz]));
+            let changed = all.filter(|brick| self.rows_of(*brick).any(&differs));
+            changed.map(|[bx, by, bz]| bx + bricks[0] * (by + bricks[1] * bz)).collect()
+        };
+        let mut layers = vec![Vec::new(); bricks[2]];
+        parallel::for_each_piece_mut(&mut layers, 1, &|bz, found| found[0] = of_layer(bz));
+        layers.concat()
     }
 
     /// Whether a cut goes through the cell of eight voxels with this lowest corner; beyond the border the border voxels count.

@@ -414,6 +414,7 @@ impl Request {
             | (Self::Map { .. }, Self::Map { .. })
             | (Self::Hover { .. }, Self::Hover { .. })
             | (Self::Drag { .. }, Self::Drag { .. })
+            | (Self::Incise { .. }, Self::Incise { .. })
             | (Self::Resize { .. }, Self::Resize { .. }) => {
                 self.clone_from(next);
                 true

@@ -103,7 +103,7 @@ pub enum Event {
         to: RigidTransform,
     },
     /// A bone becomes soft again.
-    Unbone {
+    RemoveBone {
         /// Its number.
         bone: Id,
     },
@@ -116,14 +116,14 @@ pub enum Event {
         step: space::Step,
     },
     /// A step in space does something else.
-    Respace {
+    SetSpace {
         /// Its number.
         space: Id,
         /// What it does.
         step: space::Step,
     },
     /// A step in space goes: a cut closes.
-    Unspace {
+    RemoveSpace {
         /// Its number.
         space: Id,
     },
@@ -136,7 +136,7 @@ pub enum Event {
         part: ClipPart,
     },
     /// A plane or a box lies elsewhere.
-    Reclip {
+    MoveClip {
         /// Its number.
         clip: Id,
         /// What is kept.
@@ -189,14 +189,14 @@ impl Event {
             Self::Unshape { .. } => "remove a change of shape",
             Self::Bone { .. } => "add a bone",
             Self::Turn { .. } => "turn a bone",
-            Self::Unbone { .. } => "remove a bone",
+            Self::RemoveBone { .. } => "remove a bone",
             Self::Space { step: space::Step::Cut(_), .. } => "cut open",
             Self::Space { .. } => "displace space",
-            Self::Respace { step: space::Step::Cut(_), .. } => "change a cut",
-            Self::Respace { .. } => "change a step in space",
-            Self::Unspace { .. } => "remove a step in space",
+            Self::SetSpace { step: space::Step::Cut(_), .. } => "change a cut",
+            Self::SetSpace { .. } => "change a step in space",
+            Self::RemoveSpace { .. } => "remove a step in space",
             Self::Clip { .. } => "clip",
-            Self::Reclip { .. } => "move a clip",
+            Self::MoveClip { .. } => "move a clip",
             Self::Unclip { .. } => "remove a clip",
             Self::ClipRule(_) => "change how it is clipped",
             Self::Physics(_) => "choose a solver",
@@ -218,8 +218,8 @@ impl Event {
             | (Self::Place { handle: a, .. }, Self::Place { handle: b, .. })
             | (Self::Radius { handle: a, .. }, Self::Radius { handle: b, .. }) => a == b,
             (Self::Turn { bone: a, .. }, Self::Turn { bone: b, .. })
-            | (Self::Respace { space: a, .. }, Self::Respace { space: b, .. })
-            | (Self::Reclip { clip: a, .. }, Self::Reclip { clip: b, .. }) => a == b,
+            | (Self::SetSpace { space: a, .. }, Self::SetSpace { space: b, .. })
+            | (Self::MoveClip { clip: a, .. }, Self::MoveClip { clip: b, .. }) => a == b,
             (Self::Stiffness { .. }, Self::Stiffness { .. })
             | (Self::ClipRule(_), Self::ClipRule(_))
             | (Self::Map(_), Self::Map(_))

@@ -127,10 +127,12 @@ impl Session {
     /// # Errors
     /// As [`Settings::after`]; a deformation that isn't possible; the memory limit, cancellation. Nothing has changed then.
     pub fn apply(&mut self, mut event: Event, exec: &Exec) -> Result<Update, Error> {
-        self.complete(&mut event);
+        let mut ids = self.next;
+        self.complete(&mut event, &mut ids)?;
         let next = self.settings.after(&event)?;
         let before = self.settings.clone();
         let update = self.go_to(next, exec)?;
+        self.next = ids;
         match &mut self.gesture {
             Some(gesture) => gesture.take(event),
             // What changes nothing is nothing to be undone.
@@ -141,11 +143,25 @@ impl Session {
     }
 
     /// Gives an event the number and the place that it goes by from now on.
-    fn complete(&mut self, event: &mut Event) {
+    ///
+    /// - `ids`: the numbers that come next, by list.
+    ///
+    /// # Errors
+    /// A number that was given away, or the last there is.
+    fn complete(&self, event: &mut Event, ids: &mut [Id; List::COUNT]) -> Result<(), Error> {
         if let Some((id, list)) = event.number_mut() {
-            let next = &mut self.next[list as usize];
+            let next = &mut ids[list as usize];
             let given = *id.get_or_insert(*next);
-            *next = (*next).max(given.saturating_add(1));
+            if given < *next || given == Id::MAX {
+                return Err(Error::Event {
+                    event: "add",
+                    problem: format!(
+                        "number {given} was given to another, or is the last there is; the next is {next}"
+                    ),
+                    remedy: "leave the number out",
+                });
+            }
+            *next = given + 1;
         }
         if let Event::Bone { id: Some(id), bone } = event {
             bone.name.get_or_insert_with(|| id.to_string());
@@ -153,6 +169,7 @@ impl Session {
         if let Some(at) = event.anchor_mut() {
             anchor(self.lattice(), at);
         }
+        Ok(())
     }
 
     fn note(&mut self, step: Step, before: Settings) {
@@ -232,8 +249,7 @@ impl Session {
     pub fn redo(&mut self, exec: &Exec) -> Result<Option<Update>, Error> {
         self.no_gesture("redo")?;
         let Some(step) = self.history.next() else { return Ok(None) };
-        let next =
-            step.events.iter().try_fold(self.settings.clone(), |settings, event| settings.after(event))?;
+        let next = self.settings.after_all(&step.events)?;
         let before = self.settings.clone();
         let update = self.go_to(next, exec)?;
         self.history.redo(before);
@@ -251,14 +267,12 @@ impl Session {
             Entry::Redo => self.redo(exec)?.map(|_| ()).ok_or_else(|| nothing("redo")),
             Entry::Step(mut step) => {
                 self.no_gesture("replay")?;
-                step.events.iter_mut().for_each(|event| self.complete(event));
-                // The last state counts alone: the ways there may not even be possible.
-                let next = step
-                    .events
-                    .iter()
-                    .try_fold(self.settings.clone(), |settings, event| settings.after(event))?;
+                let mut ids = self.next;
+                step.events.iter_mut().try_for_each(|event| self.complete(event, &mut ids))?;
+                let next = self.settings.after_all(&step.events)?;
                 let before = self.settings.clone();
                 self.go_to(next, exec)?;
+                self.next = ids;
                 self.note(step, before);
                 Ok(())
             }

@@ -104,7 +104,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Checks every part by itself.
+    /// Checks every part by itself, and what goes together.
     ///
     /// # Errors
     /// [`ParamError`] names the first that is outside its domain.
@@ -219,6 +219,23 @@ impl Settings {
     /// # Errors
     /// An event that names what isn't there, or that the solver can't follow; settings outside their domain.
     pub fn after(&self, event: &Event) -> Result<Self, Error> {
+        let next = self.changed(event)?;
+        next.check()?;
+        Ok(next)
+    }
+
+    /// The settings after several events, of which the last state counts alone: the ways there may not even be possible.
+    ///
+    /// # Errors
+    /// As [`Settings::after`].
+    pub(crate) fn after_all(&self, events: &[Event]) -> Result<Self, Error> {
+        let next = events.iter().try_fold(self.clone(), |settings, event| settings.changed(event))?;
+        next.check()?;
+        Ok(next)
+    }
+
+    /// The settings after an event, unchecked.
+    fn changed(&self, event: &Event) -> Result<Self, Error> {
         let mut next = self.clone();
         match event {
             Event::Add { id, handle } => add("handle", &mut next.handles, *id, *handle)?,
@@ -245,14 +262,14 @@ impl Settings {
                 (bone.pivot, bone.axis, bone.angle) = (Some(to.pivot), Some(to.axis), Some(to.angle));
                 (bone.by, bone.fit) = ((to.by != [0.0; 3]).then_some(to.by), false);
             }
-            Event::Unbone { bone } => take("unbone", "bone", &mut next.bones, *bone)?,
+            Event::RemoveBone { bone } => take("remove_bone", "bone", &mut next.bones, *bone)?,
             Event::Space { id, step } => add("step in space", &mut next.space, *id, step.clone())?,
-            Event::Respace { space, step } => {
-                step.clone_into(at("respace", "step in space", &mut next.space, *space)?);
+            Event::SetSpace { space, step } => {
+                step.clone_into(at("set_space", "step in space", &mut next.space, *space)?);
             }
-            Event::Unspace { space } => take("unspace", "step in space", &mut next.space, *space)?,
+            Event::RemoveSpace { space } => take("remove_space", "step in space", &mut next.space, *space)?,
             Event::Clip { id, part } => add("clip", &mut next.clip.parts, *id, *part)?,
-            Event::Reclip { clip, part } => *at("reclip", "clip", &mut next.clip.parts, *clip)? = *part,
+            Event::MoveClip { clip, part } => *at("move_clip", "clip", &mut next.clip.parts, *clip)? = *part,
             Event::Unclip { clip } => {
                 take("unclip", "clip", &mut next.clip.parts, *clip)?;
                 if next.clip.parts.is_empty() {
@@ -291,7 +308,6 @@ impl Settings {
                 next.space.clear();
             }
         }
-        next.check()?;
         Ok(next)
     }
 }

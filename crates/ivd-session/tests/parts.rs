@@ -66,24 +66,24 @@ fn series() -> Vec<Event> {
     vec![
         Event::Level(1),
         Event::Space { id: None, step: cut(1.5, 0.3) },
-        Event::Respace { space: 0, step: cut(2.5, 0.3) },
-        Event::Respace { space: 0, step: cut(2.5, -0.1) },
+        Event::SetSpace { space: 0, step: cut(2.5, 0.3) },
+        Event::SetSpace { space: 0, step: cut(2.5, -0.1) },
         Event::Add { id: None, handle: top() },
         lift(1.0),
         Event::Clip { id: None, part: plane(2.0) },
         lift(0.5),
-        Event::Reclip { clip: 0, part: plane(-1.0) },
+        Event::MoveClip { clip: 0, part: plane(-1.0) },
         rule(false, Some(Lies::Rest)),
         lift(1.2),
         Event::Clip { id: None, part: boxed(0.0) },
-        Event::Reclip { clip: 1, part: boxed(2.0) },
+        Event::MoveClip { clip: 1, part: boxed(2.0) },
         rule(true, Some(Lies::Rest)),
         lift(0.7),
         Event::Warp(WarpParams { background: Some(3.0), ..WarpParams::default() }),
         Event::Unclip { clip: 0 },
         Event::Space { id: None, step: push([0.0, 1.2, 0.0]) },
         lift(0.9),
-        Event::Unspace { space: 0 },
+        Event::RemoveSpace { space: 0 },
         rule(true, None),
         springs(),
         bone(cap([1.0, 0.0, 0.0])),
@@ -92,9 +92,9 @@ fn series() -> Vec<Event> {
         Event::Turn { bone: 0, to: turn(-3.0, [0.0; 3]) },
         bone(Bone { class: Some(1), fit: true, ..cap([0.0, 0.0, 1.0]) }),
         Event::Unclip { clip: 1 },
-        Event::Unbone { bone: 0 },
-        Event::Unspace { space: 1 },
-        Event::Unbone { bone: 1 },
+        Event::RemoveBone { bone: 0 },
+        Event::RemoveSpace { space: 1 },
+        Event::RemoveBone { bone: 1 },
         Event::Remove { handle: 0 },
     ]
 }
@@ -198,7 +198,7 @@ fn what_does_not_go_together_is_refused_by_name_and_changes_nothing() {
     refused(&mut session, bone(cap([0.0, 0.0, 1.0])), "rings know no bones");
     let rule = ClipRule { invert: true, ..ClipRule::default() };
     refused(&mut session, Event::ClipRule(rule), "nothing to clip by");
-    refused(&mut session, Event::Unspace { space: 3 }, "no step in space 3, nor any other");
+    refused(&mut session, Event::RemoveSpace { space: 3 }, "no step in space 3, nor any other");
     session.apply(Event::Space { id: None, step: cut(1.0, 0.0) }, &exec).unwrap();
     refused(&mut session, Event::Space { id: None, step: cut(0.5, 1.0) }, "second");
     session.apply(Event::Add { id: None, handle: top() }, &exec).unwrap();
@@ -229,10 +229,10 @@ fn a_bone_keeps_its_name_when_another_goes() {
     let params = mass_spring::Params { solver: Solver::Projective, ..mass_spring::Params::default() };
     let physics = Physics::Springs(Box::new(params));
     let mut session = session(Settings { level: 1, bones, physics, ..Settings::default() }, &exec);
-    session.apply(Event::Unbone { bone: 0 }, &exec).unwrap();
+    session.apply(Event::RemoveBone { bone: 0 }, &exec).unwrap();
     session.apply(Event::Turn { bone: 1, to: turn(3.0, [0.0; 3]) }, &exec).unwrap();
     assert_as_at_once(&session, &exec);
-    let error = session.apply(Event::Unbone { bone: 1 }, &exec).unwrap_err().to_string();
+    let error = session.apply(Event::RemoveBone { bone: 1 }, &exec).unwrap_err().to_string();
     assert!(error.contains('1'), "its child still needs it: {error}");
     session.apply(bone(cap([0.0, 0.0, 1.0])), &exec).unwrap();
     let named: Vec<_> = session.settings().bones.iter().map(|bone| (bone.id, bone.name.clone())).collect();
@@ -272,7 +272,7 @@ fn places_beside_a_cut_come_from_where_they_are_seen() {
         let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
         let height =
             |place: [f64; 3]| (0..3).map(|a| (place[a] - centre[a]) * normal[a] / length).sum::<f64>();
-        let event = if n == 0 { Event::Space { id: None, step } } else { Event::Respace { space: 0, step } };
+        let event = if n == 0 { Event::Space { id: None, step } } else { Event::SetSpace { space: 0, step } };
         session.apply(event, &exec).unwrap();
         let (displacement, mut seen) = (session.displacement(), [0; 2]);
         let grid = session.rest().grid();
@@ -309,4 +309,57 @@ fn places_beside_a_cut_come_from_where_they_are_seen() {
         }
         assert!(seen.iter().all(|seen| *seen > 30), "{open}: {seen:?}");
     }
+}
+
+#[test]
+fn a_gesture_is_done_again_whose_way_there_is_not_possible_without_what_was_let_go() {
+    let exec = Exec::default();
+    let start = || {
+        let mut session = session(Settings::default(), &exec);
+        for step in [cut(1.5, 0.3), push([0.0, 1.2, 0.0])] {
+            session.apply(Event::Space { id: None, step }, &exec).unwrap();
+        }
+        session
+    };
+    let mut session = start();
+    let (lines, begun) = (std::sync::Arc::new(std::sync::Mutex::new(Vec::new())), session.deformed().clone());
+    let kept = lines.clone();
+    session.record(move |entry| kept.lock().unwrap().push(entry.clone()));
+    session.begin("exchange").unwrap();
+    // The cut and the push change places; of the two that set the first step the last is kept, behind what it allowed.
+    for (space, step) in [(0, push([0.0, 0.9, 0.0])), (1, cut(1.0, 0.0)), (0, push([0.3, 0.9, 0.0]))] {
+        session.apply(Event::SetSpace { space, step }, &exec).unwrap();
+    }
+    assert!(session.commit().unwrap());
+    let done = session.deformed().clone();
+    let undone = session.undo(&exec).unwrap().unwrap();
+    assert!(!undone.dirty.is_empty() && session.deformed() == &begun);
+    let redone = session.redo(&exec).unwrap().unwrap();
+    assert_eq!((redone.dirty, session.deformed() == &done), (undone.dirty, true));
+    let mut again = start();
+    let first = lines.lock().unwrap()[0].clone();
+    again.replay(first, &exec).unwrap();
+    assert!(again.deformed() == &done && again.settings() == session.settings());
+}
+
+#[test]
+fn what_is_refused_uses_up_no_number_and_none_is_given_twice() {
+    let exec = Exec::default();
+    let mut session = session(Settings::default(), &exec);
+    let handle = |id| Event::Add { id, handle: top() };
+    session.apply(springs(), &exec).unwrap();
+    let named = Bone { name: Some("1".to_owned()), ..cap([1.0, 0.0, 0.0]) };
+    session.apply(bone(named), &exec).unwrap();
+    // Without a name it would be called 1 as well, however often it is tried.
+    for _ in 0..2 {
+        assert!(session.apply(bone(cap([0.0, 0.0, 1.0])), &exec).is_err());
+    }
+    assert!(session.apply(handle(Some(u32::MAX)), &exec).is_err());
+    session.apply(handle(None), &exec).unwrap();
+    session.apply(Event::Remove { handle: 0 }, &exec).unwrap();
+    assert!(session.apply(handle(Some(0)), &exec).is_err(), "it was another's");
+    session.apply(handle(Some(5)), &exec).unwrap();
+    session.apply(handle(None), &exec).unwrap();
+    let ids: Vec<u32> = session.settings().handles.iter().map(|one| one.id).collect();
+    assert_eq!(ids, [5, 6]);
 }

@@ -318,7 +318,9 @@ mod tests {
     #[test]
     fn drags_move_voxels_and_coarser_levels_are_further_from_the_finest() {
         let options = Options { size: 64, repeats: 1, ..Options::default() };
-        let overrides = ["input.size=48", "refine.level=1", "deform.handle=[]", "deform.fix=[]"].map(|key| key.parse().unwrap()).to_vec();
+        let overrides = ["input.size=48", "refine.level=1", "deform.handle=[]", "deform.fix=[]"]
+            .map(|key| key.parse().unwrap())
+            .to_vec();
         let head = Source { overrides, ..Source::default() };
         let frames = frames::followed(&head, 12, &Exec::default()).unwrap();
         assert_eq!((frames.dims[0], frames.event_ms.len(), frames.refused), (48, 12, 0));

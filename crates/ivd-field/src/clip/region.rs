@@ -144,7 +144,7 @@ impl<'a> Region<'a> {
         if let Some(displacement) = self.displacement {
             let [bx, by, _] = displacement.inverse().brick_dims();
             let index = brick[0] + bx * (brick[1] + by * brick[2]);
-            if displacement.inverse().table()[index] != NO_BRICK || !displacement.vacated().is_empty() {
+            if displacement.inverse().table()[index] != NO_BRICK || displacement.leaves_behind(brick) {
                 return Part::Some;
             }
         }

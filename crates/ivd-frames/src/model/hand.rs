@@ -4,7 +4,7 @@ use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
-use super::{Drag, Model, nothing_there};
+use super::{Drag, Model, no_more_than, nothing_there};
 use crate::figures::{Hovered, Spot};
 use crate::panes::Across;
 use crate::planes::value_at;
@@ -84,7 +84,7 @@ impl Model {
             let spot = self.spots.iter().find(|spot| spot.id == id);
             (id, spot.map_or([0.0; 3], |spot| spot.now))
         } else {
-            self.no_more_than(MOST_HANDLES)?;
+            no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
             let Some(place) = self.look(pane, at)? else { return Err(nothing_there("grab")) };
             let handle = Handle {
                 at: Anchor::NearestTo(self.rest_of(place)),

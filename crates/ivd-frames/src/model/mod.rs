@@ -267,7 +267,7 @@ impl Model {
             Request::Add { place, by } => {
                 let handle =
                     Handle { at: Anchor::NearestTo(*place), action: Action::Move(*by), radius: self.radius };
-                self.no_more_than(MOST_HANDLES)?;
+                no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
                 self.apply(Event::Add { id: None, handle })
             }
             Request::Move { handle, by } => self.apply(Event::Move { handle: *handle, by: *by }),
@@ -277,7 +277,7 @@ impl Model {
                 self.apply(Event::Remove { handle: *handle })
             }
             Request::Pin { pane, at } => {
-                self.no_more_than(MOST_HANDLES)?;
+                no_more_than(MOST_HANDLES, self.session.settings().fixed.len())?;
                 let Some(place) = self.look(*pane, *at)? else { return Err(nothing_there("pin")) };
                 let pin = Pin { at: Anchor::NearestTo(self.rest_of(place)), radius: 0.5 * self.radius };
                 self.apply(Event::Pin { id: None, pin })
@@ -318,6 +318,12 @@ impl Model {
     fn apply(&mut self, event: Event) -> Result<(), Error> {
         if self.adjusts && !self.session.in_gesture() {
             self.session.begin(event.name())?;
+        }
+        if let Ok(next) = self.session.settings().after(&event)
+            && let Err(error) = parts::check_cut(self.session.rest().grid(), &next)
+        {
+            self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
+            return Ok(());
         }
         let exec = self.in_time();
         match self.session.apply(event, &exec) {
@@ -419,15 +425,6 @@ impl Model {
         Ok(())
     }
 
-    fn no_more_than(&self, most: usize) -> Result<(), Error> {
-        let settings = self.session.settings();
-        let count = settings.handles.len().max(settings.fixed.len()).max(settings.clip.parts.len());
-        if count < most {
-            return Ok(());
-        }
-        Err(Error::Request { what: "add", problem: format!("there are {count}"), remedy: "remove one first" })
-    }
-
     fn set_radius(&mut self, handle: Option<Id>, radius: f64) -> Result<(), Error> {
         self.radius = radius;
         handle.map_or(Ok(()), |handle| self.apply(Event::Radius { handle, radius }))
@@ -444,12 +441,12 @@ impl Model {
         let lattice = self.session.lattice();
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
         // Steps in space move voxels and no lattice: it is the voxels that are seen.
-        let is_seen = |at: [f64; 3], now: [f64; 3]| {
+        let seen_at = |at: [f64; 3], now: [f64; 3]| {
             if settings.space.is_empty() { now } else { self.session.moved(at) }
         };
         let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
             let gone = self.gone_by(pick.vertex);
-            let now = is_seen(pick.at, std::array::from_fn(|a| pick.at[a] + gone[a]));
+            let now = seen_at(pick.at, std::array::from_fn(|a| pick.at[a] + gone[a]));
             let (by, with) = match one.action {
                 Action::Move(by) => (Some(by), None),
                 Action::Force(with) => (None, Some(with)),
@@ -470,7 +467,7 @@ impl Model {
         let pins = settings.fixed.iter().zip(picks).map(|(one, pick)| Spot {
             id: one.id,
             rest: pick.at,
-            now: is_seen(pick.at, pick.at),
+            now: seen_at(pick.at, pick.at),
             by: None,
             with: None,
             radius: one.radius,
@@ -548,4 +545,12 @@ fn by_of(handle: &Handle) -> Vector3<f64> {
 
 fn nothing_there(what: &'static str) -> Error {
     Error::Request { what, problem: "nothing is seen there".into(), remedy: "point at what is shown" }
+}
+
+/// Refuses one more where there are as many as there may be.
+fn no_more_than(most: usize, count: usize) -> Result<(), Error> {
+    if count < most {
+        return Ok(());
+    }
+    Err(Error::Request { what: "add", problem: format!("there are {count}"), remedy: "remove one first" })
 }

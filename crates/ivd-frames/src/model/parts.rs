@@ -2,30 +2,53 @@
 
 use ivd_core::Grid;
 use ivd_field::clip::HalfSpace;
+use ivd_field::lies::Lies;
 use ivd_map::space::{Cut, Step};
 use ivd_motion::rigid::RigidTransform;
-use ivd_session::{ClipPart, Event};
+use ivd_session::{ClipPart, Event, Id, Settings};
 
-use super::Model;
+use super::{Model, no_more_than};
 use crate::request::MOST_HANDLES;
 use crate::{Error, Request};
 
-/// Fraction of a cut's radius within which it opens whole.
+/// Fraction of a new cut's radius within which it opens whole.
 const CORE: f64 = 0.5;
 
-/// Most voxels of the box round a cut: for each some 120 bytes are needed while it is made.
+/// Most voxels that what moves may reach where there is a cut: for each some 120 bytes are needed while both its sides are made.
 const MOST_VOXELS: f64 = 4e6;
 
-/// Refuses a cut that reaches too many voxels.
-fn check_reach(grid: &Grid, radius: f64) -> Result<(), Error> {
-    let (reach, dims) = (grid.ball_extent(radius), grid.dims());
-    let voxels: f64 = (0..3).map(|a| (2.0 * reach[a] + 1.0).min(dims[a] as f64)).product();
+/// Refuses settings with a cut whose handles, bones and steps reach too many voxels, counted by the boxes round them.
+pub(super) fn check_cut(grid: &Grid, settings: &Settings) -> Result<(), Error> {
+    let Some(cut) = cut_of(settings) else { return Ok(()) };
+    let (dims, all) = (grid.dims(), grid.len() as f64);
+    let within = |radius: f64| -> f64 {
+        let reach = grid.ball_extent(radius);
+        (0..3).map(|a| (2.0 * reach[a] + 1.0).min(dims[a] as f64)).product()
+    };
+    let handles = settings.handles.iter().map(|handle| within(handle.radius));
+    let steps = settings.space.iter().map(|step| match &step.what {
+        Step::Cut(cut) => within(cut.radius),
+        _ => all,
+    });
+    // Changes of shape and bones may move all there is.
+    let whole = !(settings.shapes.is_empty() && settings.bones.is_empty());
+    let voxels = handles.chain(steps).chain(whole.then_some(all)).sum::<f64>().min(all);
     if voxels <= MOST_VOXELS {
         return Ok(());
     }
-    let problem =
-        format!("within {radius} mm there are up to {voxels:.0} voxels, and a cut may reach {MOST_VOXELS}");
-    Err(Error::Request { what: "cut", problem, remedy: "use a smaller radius" })
+    let problem = format!(
+        "with a cut, here of {} mm, what moves may reach {MOST_VOXELS} voxels, and this reaches up to {voxels:.0}",
+        cut.1.radius
+    );
+    Err(Error::Request { what: "cut", problem, remedy: "use smaller radii, or close the cut" })
+}
+
+/// The cut that there is, and its number.
+fn cut_of(settings: &Settings) -> Option<(Id, Cut)> {
+    settings.space.iter().find_map(|one| match &one.what {
+        Step::Cut(cut) => Some((one.id, *cut)),
+        _ => None,
+    })
 }
 
 impl Model {
@@ -37,18 +60,38 @@ impl Model {
         }
         match *request {
             Request::Incise { centre, normal, radius, open } => {
-                check_reach(self.session.rest().grid(), radius)?;
-                let step = Step::Cut(Cut { centre, normal, radius, core: CORE, open });
-                let steps = &self.session.settings().space;
-                let there = steps.iter().find(|one| matches!(one.what, Step::Cut(_))).map(|one| one.id);
-                self.apply(match there {
-                    Some(space) => Event::Respace { space, step },
-                    None => Event::Space { id: None, step },
-                })
+                let settings = self.session.settings();
+                let there = cut_of(settings);
+                let core = there.as_ref().map_or(CORE, |(_, cut)| cut.core);
+                let step = Step::Cut(Cut { centre, normal, radius, core, open });
+                let is_last = |id: Id| settings.space.last().is_some_and(|last| last.id == id);
+                match there {
+                    Some((space, _)) if is_last(space) => self.apply(Event::SetSpace { space, step }),
+                    // Where it is seen is where the last step has taken it: the cut comes behind that.
+                    Some((space, was)) => self.as_one("change a cut", |model| {
+                        model.apply(Event::RemoveSpace { space })?;
+                        model.apply(Event::Space { id: None, step })?;
+                        // Within a step that goes on: what was there comes back.
+                        let Some(refused) = model.refused.take() else { return Ok(()) };
+                        model.apply(Event::Space { id: None, step: Step::Cut(was) })?;
+                        model.refused = Some(refused);
+                        Ok(())
+                    }),
+                    None => self.apply(Event::Space { id: None, step }),
+                }
             }
-            Request::Close { space } => self.apply(Event::Unspace { space }),
+            Request::Close { space } => self.apply(Event::RemoveSpace { space }),
             Request::Clip { point, normal } => {
-                self.no_more_than(MOST_HANDLES)?;
+                let clip = &self.session.settings().clip;
+                if clip.rule.invert || clip.rule.space == Some(Lies::Rest) {
+                    return Err(Error::Request {
+                        what: "clip",
+                        problem: "the scene's planes and boxes throw away what lies within them, or lie in the body at rest"
+                            .to_owned(),
+                        remedy: "take them away first",
+                    });
+                }
+                no_more_than(MOST_HANDLES, clip.parts.len())?;
                 self.apply(Event::Clip { id: None, part: ClipPart::Plane(HalfSpace { point, normal }) })
             }
             Request::Unclip { clip } => self.apply(Event::Unclip { clip }),
@@ -58,21 +101,64 @@ impl Model {
             _ => Ok(()),
         }
     }
+
+    /// What several events do is one step; where one of them can't be followed, none of them is.
+    fn as_one(
+        &mut self,
+        name: &'static str,
+        does: impl FnOnce(&mut Self) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let goes_on = self.session.in_gesture();
+        if !goes_on {
+            self.session.begin(name)?;
+        }
+        does(self)?;
+        if goes_on {
+            return Ok(());
+        }
+        if self.refused.is_none() {
+            self.session.commit()?;
+            return Ok(());
+        }
+        let refused = self.refused.take();
+        let update = self.session.abandon(&self.exec)?;
+        self.show(&update)?;
+        self.refused = refused;
+        Ok(())
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ivd_motion::handles::{Action, Anchor, Handle};
+    use ivd_session::numbered;
 
     #[test]
-    fn a_cut_of_too_many_voxels_is_refused_before_anything_is_made() {
+    fn what_moves_beside_a_cut_may_reach_so_many_voxels_whatever_comes_first() {
         let grid = Grid::with_spacing([512; 3], [0.5; 3]).expect("a grid");
-        assert!(check_reach(&grid, 39.0).is_ok());
-        for radius in [40.0, 1e6] {
-            assert!(check_reach(&grid, radius).is_err_and(|error| error.to_string().contains("smaller")));
+        let cut = |radius| {
+            Step::Cut(Cut { centre: [0.0; 3], normal: [1.0, 0.0, 0.0], radius, core: CORE, open: 1.0 })
+        };
+        let handle =
+            |radius| Handle { at: Anchor::NearestTo([0.0; 3]), action: Action::Move([0.0; 3]), radius };
+        let with = |handles: &[f64], steps: &[Step]| Settings {
+            handles: numbered(handles.iter().map(|radius| handle(*radius))),
+            space: numbered(steps.iter().cloned()),
+            ..Settings::default()
+        };
+        assert!(check_cut(&grid, &with(&[], &[cut(39.0)])).is_ok());
+        assert!(check_cut(&grid, &with(&[1e6], &[])).is_ok(), "without a cut there is no such limit");
+        for (handles, radius) in [(&[][..], 40.0), (&[][..], 1e6), (&[100.0][..], 5.0), (&[30.0; 4][..], 5.0)]
+        {
+            let refused = check_cut(&grid, &with(handles, &[cut(radius)]));
+            assert!(
+                refused.is_err_and(|error| error.to_string().contains("smaller")),
+                "{handles:?} {radius}"
+            );
         }
         // What there isn't costs nothing.
         let small = Grid::with_spacing([128; 3], [1.0; 3]).expect("a grid");
-        assert!(check_reach(&small, 1e6).is_ok());
+        assert!(check_cut(&small, &with(&[1e6; 9], &[cut(1e6)])).is_ok());
     }
 }

@@ -87,7 +87,7 @@ fn events(draw: &mut Draw) -> Event {
     let centre = [0, 1, 2].map(|_| 16.0 + 8.0 * (draw.unit() - 0.5));
     let step = Step::Shape(Shape { kind, centre, axis: [0.0, 0.0, 1.0], radius: 8.0, core: 0.3 });
     match draw.below(4) {
-        0 => Event::Unspace { space: draw.below(4) as u32 },
+        0 => Event::RemoveSpace { space: draw.below(4) as u32 },
         1 => Event::ClipRule(ClipRule {
             invert: draw.below(4) == 0,
             background: [None, Some(2.0)][draw.below(2)],
