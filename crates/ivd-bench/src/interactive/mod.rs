@@ -318,9 +318,14 @@ mod tests {
     #[test]
     fn drags_move_voxels_and_coarser_levels_are_further_from_the_finest() {
         let options = Options { size: 64, repeats: 1, ..Options::default() };
-        let overrides = ["input.size=48", "refine.level=1", "deform.handle=[]", "deform.fix=[]"]
-            .map(|key| key.parse().unwrap())
-            .to_vec();
+        let keys = [
+            "input.size=48",
+            "refine.level=1",
+            "deform.handle.0.pick=[24.0, 44.75, 22.0]",
+            "deform.handle.0.move=[0.0, -2.0, 0.0]",
+            "deform.handle.0.radius=11.0",
+        ];
+        let overrides = keys.map(|key| key.parse().unwrap()).to_vec();
         let head = Source { overrides, ..Source::default() };
         let frames = frames::followed(&head, 12, &Exec::default()).unwrap();
         assert_eq!((frames.dims[0], frames.event_ms.len(), frames.refused), (48, 12, 0));
