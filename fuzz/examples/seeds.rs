@@ -251,6 +251,8 @@ fn windows(seeds: &Path) -> Outcome {
         r#"{"radius":{"handle":0,"radius":4}},{"stiffness":{"newton_per_metre":20}}"#,
         r#"{"pin":{"at":{"nearest_to":[4,4,1]},"radius":2}}"#,
         r#"{"level":1},{"map":{"method":"biharmonic"}}"#,
+        r#"{"space":{"step":{"kind":"cut","centre":[4,4,6],"normal":[1,0,0],"radius":3,"open":0.5}}}"#,
+        r#"{"clip":{"part":{"plane":{"point":[4,4,4],"normal":[0,1,0]}}}},{"unclip":{"clip":0}},{"remove_space":{"space":0}}"#,
         r#"{"pull":{"handle":0,"with":[0,0,2]}},{"release":{"fix":0}},{"remove":{"handle":0}},"reset""#,
     ];
     let lines = rest.map(step).concat();
@@ -281,6 +283,10 @@ fn windows(seeds: &Path) -> Outcome {
         r#"{"do":"stiffness","stiffness":12}"#,
         r#"{"do":"level","level":1}"#,
         r#"{"do":"map","map":"biharmonic"}"#,
+        r#"{"do":"incise","centre":[8,8,8],"normal":[1,0,0],"radius":5,"open":1}"#,
+        r#"{"do":"clip","point":[8,9,8],"normal":[0,-1,0]}"#,
+        r#"{"do":"close","space":0}"#,
+        r#"{"do":"unclip","clip":0}"#,
         r#"{"do":"save","what":"scene"}"#,
         r#"{"do":"reset"}"#,
     ];

@@ -47,7 +47,7 @@ impl Draw {
     /// A request by its form, with hostile values.
     fn formed(&mut self) -> Json {
         let pane = ["volume", "axial", "coronal", "sagittal"][self.below(4)];
-        match self.below(16) {
+        match self.below(21) {
             0 => json!({ "do": "resize", "size": [32_768, 32_768] }),
             1 => json!({ "do": "orbit", "by": self.pair() }),
             2 => json!({ "do": "zoom", "factor": self.number(), "at": self.pair() }),
@@ -63,6 +63,17 @@ impl Draw {
             12 => json!({ "do": "map", "map": "biharmonic" }),
             13 => json!({ "do": "wheel", "steps": i32::MAX }),
             14 => json!({ "do": "transfer", "by": self.pair() }),
+            15 => {
+                let (centre, normal) = (self.triple(), self.triple());
+                json!({ "do": "incise", "centre": centre, "normal": normal, "radius": self.number(), "open": self.number() })
+            }
+            16 => json!({ "do": "close", "space": self.below(3) }),
+            17 => json!({ "do": "clip", "point": self.triple(), "normal": self.triple() }),
+            18 => json!({ "do": "unclip", "clip": self.below(3) }),
+            19 => {
+                let (pivot, axis, by) = (self.triple(), self.triple(), self.triple());
+                json!({ "do": "turn", "bone": 0, "pivot": pivot, "axis": axis, "angle": self.number(), "by": by })
+            }
             _ => json!({ "do": "slice", "pane": pane, "steps": i32::MIN }),
         }
     }
@@ -111,6 +122,14 @@ fn thousands_of_hostile_messages_change_nothing_but_what_they_may() {
     let run: f64 = (0..marks.len()).map(|i| (i as f64 - middle).powi(2)).sum();
     let slope = rise / run * marks.len() as f64;
     assert!(slope < f64::from(8 << 20), "it grows by {slope} bytes in {} rounds", marks.len());
+    // Planes that clip stay, until they are taken away.
+    client.send(&json!({ "do": "look", "side": "top" }));
+    let from_above =
+        |angles: &Json| angles[0] == json!(0.0) && angles[1].as_f64().is_some_and(|up| up.abs() == 90.0);
+    let last = client.hear_of("frame", |heard| from_above(&heard.head["figures"]["angles"]));
+    for clip in last.head["figures"]["clips"].as_array().into_iter().flatten() {
+        client.send(&json!({ "do": "unclip", "clip": clip }));
+    }
     // It still does what it is asked.
     client.send(&json!({ "do": "look", "side": "front" }));
     client.send(&json!({ "do": "radius", "radius": 8.0 }));
