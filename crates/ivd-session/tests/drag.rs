@@ -424,7 +424,7 @@ fn numbers_stay_and_never_come_again() {
     session.apply(add([0.0, -1.0, 0.0]), &exec).unwrap();
     assert_eq!(ids(&session), [0, 1, 3]);
     let twice = session.apply(Event::Add { id: Some(3), handle: top() }, &exec).unwrap_err().to_string();
-    assert!(twice.contains("handle 3 is there already"), "{twice}");
+    assert!(twice.contains("number 3 was given"), "{twice}");
     assert!(session.apply(Event::Remove { handle: 2 }, &exec).unwrap_err().to_string().contains("0, 1, 3"));
 }
 
