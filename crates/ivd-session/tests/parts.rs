@@ -214,7 +214,7 @@ fn what_does_not_go_together_is_refused_by_name_and_changes_nothing() {
     session.apply(springs(), &exec).unwrap();
     session.apply(bone(cap([1.0, 0.0, 0.0])), &exec).unwrap();
     refused(&mut session, Event::Physics(Physics::default()), "rings know no bones");
-    let two = bone(Bone { name: Some("1".into()), ..cap([0.0, 1.0, 0.0]) });
+    let two = bone(Bone { name: Some("0".into()), ..cap([0.0, 1.0, 0.0]) });
     refused(&mut session, two, "two bones are called 0");
     session.apply(Event::Reset, &exec).unwrap();
     assert!(session.displacement().is_identity() && session.settings().space.is_empty());
