@@ -245,11 +245,11 @@ fn scenes(folder: &Path, fixtures: &Path) -> Outcome {
 fn windows(seeds: &Path) -> Outcome {
     let head = Log::head("schema = 1\n[input]\nphantom = \"sphere\"\n[output]\nimages = [\"before\"]\n");
     let step = |events: &str| format!("{{\"step\":{{\"name\":\"a\",\"events\":[{events}]}}}}\n");
-    let add = r#"{"add":{"at":{"nearest_to":[4,4,7]},"action":{"move":[0,0,0.5]},"radius":6}}"#;
+    let add = r#"{"add":{"at":{"nearestto":[4,4,7]},"action":{"move":[0,0,0.5]},"radius":6}}"#;
     let rest = [
         r#"{"move":{"handle":0,"by":[0,0.3,0.5]}}"#,
         r#"{"radius":{"handle":0,"radius":4}},{"stiffness":{"newton_per_metre":20}}"#,
-        r#"{"pin":{"at":{"nearest_to":[4,4,1]},"radius":2}}"#,
+        r#"{"pin":{"at":{"nearestto":[4,4,1]},"radius":2}}"#,
         r#"{"level":1},{"map":{"method":"biharmonic"}}"#,
         r#"{"space":{"step":{"kind":"cut","centre":[4,4,6],"normal":[1,0,0],"radius":3,"open":0.5}}}"#,
         r#"{"clip":{"part":{"plane":{"point":[4,4,4],"normal":[0,1,0]}}}},{"unclip":{"clip":0}},{"remove_space":{"space":0}}"#,

@@ -12,12 +12,11 @@ use serde::Serialize;
 
 use super::{FARTHEST, RADIUS, rank};
 use crate::experiment::Problem;
-use crate::{Error, Options};
 
 /// Pixels of the volume's pane.
 const PANE: [usize; 2] = [512; 2];
 /// Events of a drag, and of a quick one.
-const EVENTS: [usize; 2] = [400, 60];
+pub(super) const EVENTS: [usize; 2] = [400, 60];
 /// Events of one loop.
 const LOOP: f64 = 200.0;
 /// Whoever waits longer for a picture has no service.
@@ -32,7 +31,7 @@ pub struct FrameBench {
     pub input: String,
     /// Voxels of it.
     pub dims: [usize; 3],
-    /// Vertices and level of its lattice.
+    /// Vertices of its lattice.
     pub vertices: usize,
     /// Level of refinement.
     pub level: u8,
@@ -67,20 +66,7 @@ pub struct FrameBench {
 /// Drags a handle of 25 voxels' radius through the frame service, put where the middle of the picture is seen, along a loop of an eighth of its radius.
 ///
 /// - `source`: a scan or a scene.
-///
-/// # Errors
-/// [`Error::Failed`] with what failed; cancelled.
-pub(super) fn frames(options: &Options, source: &Source, exec: &Exec) -> Result<FrameBench, Error> {
-    let failed = |problem: Problem| Error::Failed {
-        stage: "interactive".to_owned(),
-        knobs: "frames".to_owned(),
-        problem: problem.to_string(),
-    };
-    let quick = options.repeats <= Options::quick().repeats;
-    followed(source, EVENTS[usize::from(quick)], exec).map_err(failed)
-}
-
-/// The same of so many events.
+/// - `count`: events.
 pub(super) fn followed(source: &Source, count: usize, exec: &Exec) -> Result<FrameBench, Problem> {
     let load = load();
     let start = Instant::now();

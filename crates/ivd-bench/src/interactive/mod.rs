@@ -23,7 +23,6 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 pub use frames::FrameBench;
-use frames::frames;
 pub use page::interactive_page;
 
 use crate::experiment::Problem;
@@ -117,14 +116,15 @@ pub fn interactive(
     source: &Source,
     exec: &Exec,
 ) -> Result<InteractiveBench, Error> {
-    let failed = |problem: Problem| Error::Failed {
+    let failed = |knobs: &str, problem: Problem| Error::Failed {
         stage: "interactive".to_owned(),
-        knobs: "the drag".to_owned(),
+        knobs: knobs.to_owned(),
         problem: problem.to_string(),
     };
-    let quick = options.repeats <= Options::quick().repeats;
-    let frames = frames(options, source, exec)?;
-    measured(options, iso, FRAMES[usize::from(quick)], frames, exec).map_err(failed)
+    let quick = usize::from(options.repeats <= Options::quick().repeats);
+    let frames =
+        frames::followed(source, frames::EVENTS[quick], exec).map_err(|problem| failed("frames", problem))?;
+    measured(options, iso, FRAMES[quick], frames, exec).map_err(|problem| failed("the drag", problem))
 }
 
 fn measured(

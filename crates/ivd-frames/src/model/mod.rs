@@ -319,9 +319,7 @@ impl Model {
         if self.adjusts && !self.session.in_gesture() {
             self.session.begin(event.name())?;
         }
-        if let Ok(next) = self.session.settings().after(&event)
-            && let Err(error) = parts::check_cut(self.session.rest().grid(), &next)
-        {
+        if let Err(error) = self.check_cut_after(&event) {
             self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
             return Ok(());
         }

@@ -18,8 +18,8 @@ const CORE: f64 = 0.5;
 const MOST_VOXELS: f64 = 4e6;
 
 /// Refuses settings with a cut whose handles, bones and steps reach too many voxels, counted by the boxes round them.
-pub(super) fn check_cut(grid: &Grid, settings: &Settings) -> Result<(), Error> {
-    let Some(cut) = cut_of(settings) else { return Ok(()) };
+fn check_cut(grid: &Grid, settings: &Settings) -> Result<(), Error> {
+    let Some((_, cut)) = cut_of(settings) else { return Ok(()) };
     let (dims, all) = (grid.dims(), grid.len() as f64);
     let within = |radius: f64| -> f64 {
         let reach = grid.ball_extent(radius);
@@ -38,7 +38,7 @@ pub(super) fn check_cut(grid: &Grid, settings: &Settings) -> Result<(), Error> {
     }
     let problem = format!(
         "with a cut, here of {} mm, what moves may reach {MOST_VOXELS} voxels, and this reaches up to {voxels:.0}",
-        cut.1.radius
+        cut.radius
     );
     Err(Error::Request { what: "cut", problem, remedy: "use smaller radii, or close the cut" })
 }
@@ -52,6 +52,18 @@ fn cut_of(settings: &Settings) -> Option<(Id, Cut)> {
 }
 
 impl Model {
+    /// Refuses an event after which a cut would reach too many voxels.
+    pub(super) fn check_cut_after(&self, event: &Event) -> Result<(), Error> {
+        let settings = self.session.settings();
+        // Without a cut there is one only where a step brings it.
+        let brings = matches!(event, Event::Space { .. } | Event::SetSpace { .. });
+        if !brings && cut_of(settings).is_none() {
+            return Ok(());
+        }
+        // Settings that can't be are the session's to refuse.
+        settings.after(event).map_or(Ok(()), |next| check_cut(self.session.rest().grid(), &next))
+    }
+
     /// Follows a request about a part of the settings that isn't a handle.
     pub(super) fn change_part(&mut self, request: &Request) -> Result<(), Error> {
         // What is held stays one step by itself; a slider that is held goes on.

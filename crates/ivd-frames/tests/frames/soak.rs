@@ -109,11 +109,6 @@ fn gesture(draw: &mut Draw) -> Vec<Request> {
     }
 }
 
-/// Handles are let go of, so that there aren't ever more.
-fn fewer(hands: &Hands) {
-    hands.ask(&Request::Reset);
-}
-
 /// Bytes of this process in memory, where the system tells.
 fn resident() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/self/statm").ok()?;
@@ -142,7 +137,8 @@ fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Ve
         }
         done += 1;
         if done % 12 == 0 {
-            fewer(&hands);
+            // So that there aren't ever more handles.
+            hands.ask(&Request::Reset);
         }
         if done % 20 == 0 {
             hands.kept(Saved::Scene);
