@@ -5,10 +5,12 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Event, Settings};
+use crate::{Error, Event, Settings};
 
 /// Most bytes of settings that are kept for undoing; the oldest steps are let go then.
 const MOST_BYTES: usize = 16 << 20;
+/// Of so many steps one keeps the settings before it.
+const KEPT: usize = 32;
 
 /// What is undone at once: an event, or a gesture of many.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,20 +33,24 @@ pub enum Entry {
     Redo,
 }
 
-/// A step with what was before it.
-#[derive(Debug, Clone)]
-pub(crate) struct Past {
-    pub(crate) step: Step,
-    pub(crate) before: Settings,
+/// A step that was done.
+#[derive(Debug)]
+struct Past {
+    step: Step,
+    /// The settings before it: for the oldest and for one in so many; those between follow from the steps.
+    before: Option<Box<Settings>>,
 }
 
 impl Past {
     /// About how many bytes it takes.
     fn bytes(&self) -> usize {
-        let Settings { handles, fixed, shapes, bones, space, clip, .. } = &self.before;
-        let moved = size_of_val(&**handles) + size_of_val(&**fixed) + size_of_val(&**shapes);
-        let lists = moved + size_of_val(&**bones) + size_of_val(&**space) + size_of_val(&*clip.parts);
-        size_of::<Self>() + lists + self.step.name.len() + size_of_val(&*self.step.events)
+        let lists = |settings: &Settings| {
+            let Settings { handles, fixed, shapes, bones, space, clip, .. } = settings;
+            let moved = size_of_val(&**handles) + size_of_val(&**fixed) + size_of_val(&**shapes);
+            moved + size_of_val(&**bones) + size_of_val(&**space) + size_of_val(&*clip.parts)
+        };
+        let before = self.before.as_deref().map_or(0, |settings| size_of_val(settings) + lists(settings));
+        size_of::<Self>() + before + self.step.name.len() + size_of_val(&*self.step.events)
     }
 }
 
@@ -65,19 +71,27 @@ impl History {
     }
 
     fn again(&mut self, step: Step, before: Settings) {
-        let past = Past { step, before };
+        let is_due = self.past.iter().rev().take(KEPT).all(|past| past.before.is_none());
+        let past = Past { step, before: is_due.then(|| Box::new(before)) };
         self.bytes += past.bytes();
         self.past.push_back(past);
-        while self.bytes > MOST_BYTES
-            && let Some(oldest) = self.past.pop_front()
-        {
+        // The oldest has what was before it.
+        while self.bytes > MOST_BYTES || self.past.front().is_some_and(|oldest| oldest.before.is_none()) {
+            let Some(oldest) = self.past.pop_front() else { break };
             self.bytes -= oldest.bytes();
         }
     }
 
-    /// The last step, if there is one.
-    pub(crate) fn last(&self) -> Option<&Past> {
-        self.past.back()
+    /// The settings before the last step; `None` where there is no step.
+    ///
+    /// # Errors
+    /// As [`Settings::after`], though what was done once can be done again.
+    pub(crate) fn before(&self) -> Result<Option<Settings>, Error> {
+        let kept =
+            self.past.iter().enumerate().rev().find_map(|(i, past)| Some((i, past.before.as_deref()?)));
+        let Some((first, settings)) = kept else { return Ok(None) };
+        let steps = self.past.range(first..self.past.len() - 1);
+        settings.after_all(steps.flat_map(|past| &past.step.events)).map(Some)
     }
 
     /// Moves the last step to those that can be done again.
@@ -129,7 +143,8 @@ impl Gesture {
         self.events.push(event);
     }
 
-    pub(crate) fn into_step(self) -> Step {
+    pub(crate) fn into_step(mut self) -> Step {
+        self.events.shrink_to_fit();
         Step { name: self.name, events: self.events }
     }
 }
@@ -159,18 +174,52 @@ impl fmt::Debug for Recorder {
 mod tests {
     use super::*;
 
+    /// The step of that number, and the settings before it.
+    fn step(number: usize) -> (Step, Settings) {
+        let level = |number: usize| (number % 16) as u8;
+        let step = Step { name: number.to_string(), events: vec![Event::Level(level(number))] };
+        (step, Settings { level: level(number - 1), ..Settings::default() })
+    }
+
+    #[test]
+    fn what_was_before_each_step_follows_from_what_is_kept() {
+        let mut history = History::default();
+        for n in 1..=100 {
+            let (step, before) = step(n);
+            // Whatever is undone and done again in between.
+            history.push(step, before.clone());
+            if n % 7 == 0 {
+                history.undo();
+                history.redo(before);
+            }
+        }
+        let kept = history.past.iter().filter(|past| past.before.is_some()).count();
+        assert!(kept < 8, "{kept} of 100");
+        for n in (1..=100).rev() {
+            assert_eq!(
+                history.before().unwrap().map(|settings| settings.level),
+                Some(((n - 1) % 16) as u8),
+                "{n}"
+            );
+            history.undo();
+        }
+        assert_eq!((history.before().unwrap(), history.bytes), (None, 0));
+    }
+
     #[test]
     fn the_oldest_steps_go_when_there_are_too_many() {
         let mut history = History::default();
-        let step = |number: usize| Step { name: number.to_string(), events: vec![Event::Level(1)] };
-        let count = 3 * MOST_BYTES / size_of::<Past>() / 2;
-        (0..count).for_each(|number| history.push(step(number), Settings::default()));
-        let kept: Vec<&str> = history.steps().map(|step| step.name.as_str()).collect();
-        assert!(kept.len() < count && kept.len() > count / 4, "{} of {count}", kept.len());
-        assert_eq!(kept.last().copied(), Some(&*(count - 1).to_string()));
-        while history.last().is_some() {
+        let count = MOST_BYTES / size_of::<Past>();
+        for number in 1..=count {
+            let (step, before) = step(number);
+            history.push(step, before);
+        }
+        let kept = history.steps().count();
+        assert!(kept < count && history.bytes <= MOST_BYTES && history.bytes > MOST_BYTES - (1 << 16));
+        for number in (count - kept + 1..=count).rev() {
+            assert_eq!(history.before().unwrap().map(|settings| settings.level), Some(step(number).1.level));
             history.undo();
         }
-        assert_eq!(history.bytes, 0);
+        assert_eq!((history.before().unwrap(), history.bytes), (None, 0));
     }
 }

@@ -235,7 +235,7 @@ impl Session {
     /// A gesture that goes on; the memory limit, cancellation. Nothing has changed then.
     pub fn undo(&mut self, exec: &Exec) -> Result<Option<Update>, Error> {
         self.no_gesture("undo")?;
-        let Some(before) = self.history.last().map(|past| past.before.clone()) else { return Ok(None) };
+        let Some(before) = self.history.before()? else { return Ok(None) };
         let update = self.go_to(before, exec)?;
         self.history.undo();
         self.recorder.note(&Entry::Undo);

@@ -228,8 +228,8 @@ impl Settings {
     ///
     /// # Errors
     /// As [`Settings::after`].
-    pub(crate) fn after_all(&self, events: &[Event]) -> Result<Self, Error> {
-        let next = events.iter().try_fold(self.clone(), |settings, event| settings.changed(event))?;
+    pub(crate) fn after_all<'a>(&self, events: impl IntoIterator<Item = &'a Event>) -> Result<Self, Error> {
+        let next = events.into_iter().try_fold(self.clone(), |settings, event| settings.changed(event))?;
         next.check()?;
         Ok(next)
     }
