@@ -100,7 +100,7 @@ pub fn requests(bytes: &[u8]) {
             assert!(exec.cancel.is_late(), "{error}");
         }
     }
-    match model.save(Saved::Scene, &[], &exec) {
+    match model.save(Saved::Scene, String::new(), &exec) {
         Ok(file) => {
             let text = String::from_utf8(file.bytes).expect("text");
             scene::parse(&text, &[]).unwrap_or_else(|problem| panic!("{problem}: {text}"));

@@ -1,16 +1,63 @@
 //! A log as a file of lines: first the scene that it began with, then what was done, a line each.
 
-use std::io::Read as _;
+use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use ivd_session::Entry;
 use serde::{Deserialize, Serialize};
+use tempfile::SpooledTempFile;
 
 use crate::Error;
 
 /// No log is longer (bytes): a line takes some hundreds.
 const LONGEST: u64 = 64 << 20;
+
+/// So much of a log that is written lies in memory (bytes); the rest lies in a file without a name.
+const IN_MEMORY: usize = 64 << 10;
+
+/// A log that is written.
+pub(crate) struct Lines {
+    file: SpooledTempFile,
+    /// What kept a line from being written.
+    failed: Option<io::Error>,
+}
+
+impl Lines {
+    pub(crate) fn new() -> Self {
+        Self { file: SpooledTempFile::new(IN_MEMORY), failed: None }
+    }
+
+    /// Adds a line. A disk that is full doesn't end a session: whoever wants the log is told.
+    pub(crate) fn push(&mut self, line: &str) {
+        if self.failed.is_none() {
+            self.failed = self.file.write_all(format!("{line}\n").as_bytes()).err();
+        }
+    }
+
+    /// All lines so far.
+    ///
+    /// # Errors
+    /// Lines that couldn't be written, or read again.
+    pub(crate) fn text(&mut self) -> Result<String, Error> {
+        let read = match self.failed.take() {
+            Some(error) => Err(error),
+            None => self.read(),
+        };
+        read.map_err(|error| {
+            let problem = format!("not all of it could be written: {error}");
+            self.failed = Some(error);
+            Error::Io { what: "the log", problem }
+        })
+    }
+
+    fn read(&mut self) -> io::Result<String> {
+        let mut text = String::new();
+        self.file.rewind()?;
+        self.file.read_to_string(&mut text)?;
+        Ok(text)
+    }
+}
 
 /// A log that was kept.
 #[derive(Debug, Clone, PartialEq)]
@@ -112,6 +159,25 @@ fn begun(head: &str) -> Result<Beginning, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again_and_goes_on() {
+        let (mut lines, mut all) = (Lines::new(), String::new());
+        for number in 0..20_000 {
+            let line = format!("line {number}");
+            lines.push(&line);
+            all += &(line + "\n");
+            if number % 4_999 == 1 {
+                assert_eq!(lines.text().unwrap(), all);
+            }
+        }
+        assert_eq!((lines.text().unwrap(), lines.file.is_rolled()), (all, true));
+        lines.failed = Some(io::ErrorKind::StorageFull.into());
+        lines.push("lost");
+        for _ in 0..2 {
+            assert!(lines.text().is_err(), "a log with a line that is lost isn't given as whole");
+        }
+    }
 
     #[test]
     fn what_was_not_written_whole_is_left_out() {

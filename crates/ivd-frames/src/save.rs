@@ -24,15 +24,15 @@ const ENDINGS: [&str; 13] =
     ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw", "dcm", "png", "ivd"];
 
 impl Model {
-    /// Writes what was asked for; `log`: the lines so far.
+    /// Writes what was asked for; `log`: its text so far, where it is asked for.
     ///
     /// # Errors
     /// Settings that no scene has, a file that can't be written.
-    pub fn save(&self, what: Saved, log: &[String], exec: &Exec) -> Result<File, Error> {
+    pub fn save(&self, what: Saved, log: String, exec: &Exec) -> Result<File, Error> {
         let name = what.name();
         let bytes = match what {
             Saved::Scene => self.scene_text()?.into_bytes(),
-            Saved::Log => (log.join("\n") + "\n").into_bytes(),
+            Saved::Log => log.into_bytes(),
             Saved::Picture => ivd_pipeline::png_bytes(&self.draw(crate::Pane::Volume, 1, exec)?)?,
             Saved::Volume => {
                 let volume = self.session().deformed().clone().into_artefact();

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use ivd_core::{Cancel, Classified as _, ErrorClass, Exec, Image};
 
+use crate::log::Lines;
 use crate::opening::{Begun, Scan, Slices, Tell, Told};
 use crate::queue::{Next, Queue};
 use crate::save::File;
@@ -195,18 +196,16 @@ impl<P: FnMut(Output)> Worker<P> {
     ) -> Result<(), Error> {
         let Some((begun, later)) = self.open(open)? else { return Ok(()) };
         let Begun { mut model, entries, line: mut next } = begun;
-        let log = Arc::new(Mutex::new(vec![model.log_head()?]));
+        let log = Arc::new(Mutex::new(Lines::new()));
         let lines = log.clone();
-        if let Some(next) = &mut next {
-            lines.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|line| next(line));
-        }
-        model.session_mut().record(move |entry| {
-            let line = serde_json::to_string(entry).unwrap_or_default();
+        let mut write = move |line: &str| {
             if let Some(next) = &mut next {
-                next(&line);
+                next(line);
             }
             lines.lock().unwrap_or_else(PoisonError::into_inner).push(line);
-        });
+        };
+        write(&model.log_head()?);
+        model.session_mut().record(move |entry| write(&serde_json::to_string(entry).unwrap_or_default()));
         match model.replay(&entries) {
             Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
             Err(error) => (self.publish)(Output::Note(error.to_string())),
@@ -316,13 +315,16 @@ impl<P: FnMut(Output)> Worker<P> {
         client: Client,
         request: &Request,
         model: &mut Model,
-        log: &Mutex<Vec<String>>,
+        log: &Mutex<Lines>,
     ) -> Result<(), Error> {
         let followed = match request {
             Request::Save { what } => {
-                let lines = log.lock().unwrap_or_else(PoisonError::into_inner);
-                let file = model.save(*what, &lines, &self.exec);
-                drop(lines);
+                let file = if *what == Saved::Log {
+                    log.lock().unwrap_or_else(PoisonError::into_inner).text()
+                } else {
+                    Ok(String::new())
+                };
+                let file = file.and_then(|log| model.save(*what, log, &self.exec));
                 if file.is_ok() && *what == Saved::Scene {
                     model.keep();
                 }

@@ -55,7 +55,7 @@ fn what_was_taken_away_is_not_in_the_scene_any_more() {
         model.follow(&request).unwrap();
     }
     assert_eq!(model.session().deformed(), model.session().rest());
-    let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
+    let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
     let text = String::from_utf8(kept.bytes).unwrap();
     assert!(!text.contains("clip") && !text.contains("space"), "{text}");
     assert!(scene::parse(&text, &[]).unwrap().check().is_ok());
@@ -153,7 +153,7 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
     assert_eq!((subject.settings.level, subject.said.len()), (0, 2));
     assert!(subject.transfer.is_some());
     let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
-    let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
+    let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
     let text = String::from_utf8(kept.bytes).unwrap();
     assert!(text.contains("scan.nii.gz\"") && !text.contains('‘'), "where it lies stays untold: {text}");
     assert!(bare_scene(Path::new("x.nii"), &["lattice.isu=3".parse().unwrap()]).is_err());
@@ -168,7 +168,7 @@ fn files_to_be_kept_are_what_is_shown() {
     let folder = tempfile::tempdir().unwrap();
     for what in [Saved::Volume, Saved::Displacement, Saved::Lattice, Saved::Picture, Saved::Scene, Saved::Log]
     {
-        let file = model.save(what, &["{}".to_owned()], &exec).unwrap();
+        let file = model.save(what, "{}".to_owned(), &exec).unwrap();
         std::fs::write(folder.path().join(file.name), &file.bytes).unwrap();
         assert!(!file.bytes.is_empty(), "{what:?}");
     }
@@ -204,7 +204,7 @@ fn classes_look_otherwise_and_the_scene_says_so() {
     let green = model.draw(ivd_frames::Pane::Volume, 1, &Exec::default()).unwrap();
     assert!(green != before);
     model.follow(&look(true)).unwrap();
-    let kept = model.save(Saved::Scene, &[], &Exec::default()).unwrap();
+    let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
     let again = super::common::model(&String::from_utf8(kept.bytes).unwrap());
     let hidden =
         |model: &ivd_frames::Model| model.draw(ivd_frames::Pane::Volume, 1, &Exec::default()).unwrap();
@@ -217,7 +217,10 @@ fn classes_look_otherwise_and_the_scene_says_so() {
     model.follow(&Request::ResetColours).unwrap();
     assert!(hidden(&model) == before && !model.figures().unsaved);
     assert!(model.follow(&Request::Class { class: 999, hidden: true, opacity: None, colour: None }).is_err());
-    let named =
-        model.save(Saved::Scene, &[], &Exec::default()).unwrap().naming(Path::new("a/b.nii")).unwrap();
+    let named = model
+        .save(Saved::Scene, String::new(), &Exec::default())
+        .unwrap()
+        .naming(Path::new("a/b.nii"))
+        .unwrap();
     assert!(String::from_utf8(named.bytes).unwrap().contains("file = \"a/b.nii\""));
 }
