@@ -1,13 +1,14 @@
 //! Frames come, the newest first; nothing is lost that counts.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use ivd_core::Exec;
 use ivd_frames::{Begun, Error, Frame, Model, Output, Pane, Request, Saved, Service, Source, Subject, Tell};
 
-use super::common::{BALL, model};
+use super::common::{BALL, Draw, model};
 
 const LONG: Duration = Duration::from_mins(1);
 
@@ -154,4 +155,48 @@ fn a_log_is_opened_again_with_its_steps() {
     assert_eq!(after.figures.handles, before.figures.handles);
     assert_eq!(after.figures.undo.as_deref(), Some("add a handle"));
     drop(again);
+}
+
+#[test]
+fn another_is_opened_while_a_frame_of_the_one_before_is_made() {
+    let mut draw = Draw(5);
+    let grab = Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] };
+    let drag = |share: f64| Request::Drag { to: [0.5 + 0.03 * share, 0.49], lock: None };
+    let other = BALL.replace("size = 32", "size = 24").replace("level = 1", "level = 0");
+    let mut alone = model(&other);
+    for request in [grab.clone(), drag(1.0), Request::Drop] {
+        alone.follow(&request).unwrap();
+    }
+    for _ in 0..20 {
+        let ended = Arc::new(AtomicBool::new(false));
+        let (sender, outputs) = channel();
+        let (late, held_up) = (ended.clone(), Duration::from_millis(draw.below(8) as u64));
+        let publish = move |output| {
+            assert!(!late.load(Ordering::SeqCst), "something of a session that has ended");
+            std::thread::sleep(held_up);
+            let _ = sender.send(output);
+        };
+        let before = Service::start(|_| Ok(model(BALL)), Exec::default(), publish).unwrap();
+        if draw.below(4) > 0 {
+            frame(&outputs, |_| true);
+        }
+        before.ask(1, grab.clone());
+        for step in 1..=30 {
+            before.ask(1, drag(f64::from(step) / 30.0));
+        }
+        std::thread::sleep(Duration::from_millis(draw.below(60) as u64));
+        drop(before);
+        ended.store(true, Ordering::SeqCst);
+        assert!(outputs.try_iter().all(|output| !matches!(output, Output::Failed(_))));
+
+        let (sender, outputs) = channel();
+        let (begins, publish) = (other.clone(), move |output| _ = sender.send(output));
+        let service = Service::start(move |_| Ok(model(&begins)), Exec::default(), publish).unwrap();
+        for request in [grab.clone(), drag(1.0), Request::Drop] {
+            service.ask(1, request);
+        }
+        let last = frame(&outputs, |frame| frame.figures.held.is_none() && frame.figures.undo.is_some());
+        assert_eq!(last.figures.handles, alone.figures().handles);
+        assert_eq!(last.pictures[0].image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
+    }
 }

@@ -136,6 +136,9 @@ fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Ve
             std::thread::sleep(held_up.mul_f64(0.2 * draw.unit()));
         }
         done += 1;
+        // Spread over the time that there is.
+        let due = at_least.mul_f64(done as f64 / gestures as f64);
+        std::thread::sleep(due.saturating_sub(begun.elapsed()));
         if done % 12 == 0 {
             // So that there aren't ever more handles.
             hands.ask(&Request::Reset);
@@ -153,7 +156,11 @@ fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Ve
     let mut again = model(BALL);
     let start = again.session().deformed().clone();
     again.replay(&log.entries).unwrap();
-    assert_eq!(again.save(Saved::Scene, &[], &Exec::default()).unwrap().bytes, scene, "seed {seed}");
+    assert_eq!(
+        again.save(Saved::Scene, String::new(), &Exec::default()).unwrap().bytes,
+        scene,
+        "seed {seed}"
+    );
     assert_eq!(again.session().steps().last().map(|step| step.name.clone()), hands.steps());
     assert_as_piped(&again);
     undo_all(&mut again);
@@ -181,7 +188,7 @@ fn an_hour_of_gestures_leaves_memory_as_it_was() {
         std::env::var(name)
             .map_or(usual, |text| text.parse().unwrap_or_else(|_| panic!("{name}={text} is no number")))
     };
-    let [seconds, gestures] = [number("IVD_SOAK_SECONDS", 3600), number("IVD_SOAK_GESTURES", 2000)];
+    let [seconds, gestures] = [number("IVD_SOAK_SECONDS", 3600), number("IVD_SOAK_GESTURES", 3000)];
     let memory = work(
         number("IVD_SOAK_SEED", 1),
         gestures as usize,
@@ -191,6 +198,9 @@ fn an_hour_of_gestures_leaves_memory_as_it_was() {
     let warm = if Duration::from_secs(seconds) > 2 * WARM { WARM } else { Duration::from_secs(seconds / 4) };
     let from = memory.partition_point(|[time, _]| *time < warm.as_secs_f64());
     let rise = rise(&memory[from..]);
+    for [time, bytes] in &memory {
+        println!("{time:.0} s: {:.2} MiB", bytes / GROWS);
+    }
     println!(
         "{} points; memory rises by {:.2} MiB after {:.0} s",
         memory.len(),
