@@ -16,7 +16,7 @@ use ivd_pipeline::scene::{Loaded, OutputSection, Override, Picture, Scene, parse
 use ivd_pipeline::{PipelineOptions, Runner, StageResult, run_node};
 use ivd_render::{
     AttenuatedMipParams, ClipSpace, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams,
-    Mode, RenderParams,
+    Mode, RenderParams, Surroundings,
 };
 use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
@@ -85,7 +85,7 @@ impl Subject {
         tell: &Tell,
     ) -> Result<Self, Error> {
         check(&loaded.scene)?;
-        let (mode, picture, looks) = drawn(&loaded.scene)?;
+        let (picture, looks) = drawn(&loaded.scene)?;
         if !picture.clip.is_empty() && picture.clip_space == ClipSpace::Rest {
             return Err(none("render.clip_space = \"rest\""));
         }
@@ -157,7 +157,7 @@ impl Subject {
             looks,
             transfer,
             // One picture at a time, and nothing kept beside it.
-            picture: RenderParams { mode, turntable: 1, keep_light: false, ..picture },
+            picture: RenderParams { turntable: 1, keep_light: false, ..picture },
             settings,
             said,
         })
@@ -226,33 +226,22 @@ fn check(scene: &Scene) -> Result<(), Error> {
     Ok(())
 }
 
-type Drawn = (Mode, RenderParams, Option<ivd_render::ClassLooks>);
-
-/// How a scene's pictures are drawn.
-fn drawn(scene: &Scene) -> Result<Drawn, Error> {
+/// How a scene's pictures are drawn, and with a transfer function the classes. What takes light away isn't: it takes seconds.
+fn drawn(scene: &Scene) -> Result<(RenderParams, Option<ivd_render::ClassLooks>), Error> {
     let stage = &ivd_render::STAGE;
     if let Some(dvr) = scene.get::<DvrParams>(stage) {
-        return Ok((Mode::Dvr, dvr.picture.clone(), Some(dvr.classes.clone())));
+        return Ok((RenderParams { mode: Mode::Dvr, ..dvr.picture.clone() }, Some(dvr.classes.clone())));
     }
-    let projected = None
-        .or_else(|| scene.get(stage).map(|MipParams { picture }| (Mode::Mip, picture)))
-        .or_else(|| scene.get(stage).map(|MinipParams { picture }| (Mode::Minip, picture)))
-        .or_else(|| scene.get(stage).map(|MeanParams { picture }| (Mode::Mean, picture)));
-    let drawn = projected
-        .or_else(|| {
-            let lmip = scene.get::<LmipParams>(stage)?;
-            Some((Mode::Lmip { threshold: lmip.threshold }, &lmip.picture))
-        })
-        .or_else(|| {
-            let dimmed = scene.get::<AttenuatedMipParams>(stage)?;
-            Some((Mode::AttenuatedMip { attenuation: dimmed.attenuation }, &dimmed.picture))
-        })
-        .or_else(|| {
-            let iso = scene.get::<IsoParams>(stage)?;
-            Some((Mode::Iso { value: iso.iso? }, &iso.picture))
-        });
-    let (mode, picture) = drawn.ok_or_else(|| none("render.mode"))?;
-    Ok((mode, picture.clone(), None))
+    let asked = None
+        .or_else(|| scene.get(stage).map(MipParams::asked))
+        .or_else(|| scene.get(stage).map(MinipParams::asked))
+        .or_else(|| scene.get(stage).map(MeanParams::asked))
+        .or_else(|| scene.get(stage).map(LmipParams::asked))
+        .or_else(|| scene.get(stage).map(AttenuatedMipParams::asked))
+        .or_else(|| scene.get(stage).map(IsoParams::asked));
+    let picture = asked.ok_or_else(|| none("render.mode"))?;
+    let picture = picture.map_err(|problem| ivd_core::Error::from(problem.under(stage.name)))?;
+    Ok((RenderParams { surroundings: Surroundings::default(), ..picture }, None))
 }
 
 /// What a scene asks to be moved, as a session takes it.

@@ -12,13 +12,13 @@ pub enum Mode {
     /// Direct volume rendering: emission and absorption by the transfer function, post-classified.
     #[default]
     Dvr,
-    /// The greatest value, as grey over the volume's range.
+    /// The greatest value, as grey over [`RenderParams::window`].
     Mip,
-    /// The least value, as grey over the volume's range.
+    /// The least value, as grey over [`RenderParams::window`].
     Minip,
-    /// The mean value, as grey over the volume's range; the last, shorter step counts by its length.
+    /// The mean value, as grey over [`RenderParams::window`]; the last, shorter step counts by its length.
     Mean,
-    /// The first local maximum at or above a threshold, else the greatest value, as grey over the volume's range.
+    /// The first local maximum at or above a threshold, else the greatest value, as grey over [`RenderParams::window`].
     Lmip {
         /// In real values; without it the middle of the volume's range.
         threshold: Option<f64>,
@@ -210,6 +210,9 @@ pub struct RenderParams {
     /// What of the surroundings takes light away, in modes dvr and iso; in scenes keys of these.
     #[serde(skip)]
     pub surroundings: Surroundings,
+    /// Values that modes mip, minip, mean, lmip and attenuated-mip draw black and white; without it the volume's range. In scenes a key of these.
+    #[serde(skip)]
+    pub window: Option<[f64; 2]>,
     /// Width and height of the picture, or one number for a square.
     #[serde(deserialize_with = "written::size")]
     #[schemars(with = "written::Size", extend("x-unit" = "pixels"))]
@@ -261,6 +264,7 @@ impl Default for RenderParams {
         Self {
             mode: Mode::Dvr,
             surroundings: Surroundings::default(),
+            window: None,
             size: [512; 2],
             view: View::default(),
             fit: Fit::Visible,
@@ -334,6 +338,12 @@ impl RenderParams {
     /// Checks what the schema of a field can't say.
     pub(crate) fn check_together(&self) -> Result<(), ParamError> {
         self.check_mode()?;
+        if let Some([low, high]) =
+            self.window.filter(|[low, high]| !(low.is_finite() && low < high && high.is_finite()))
+        {
+            let remedy = "give the value that is black, then a greater one that is white";
+            return Err(ParamError::new("window", format!("{low}, {high}"), remedy));
+        }
         self.clip.iter().try_for_each(Clip::check)?;
         let elevation = self.view.angles[1];
         if !(-90.0..=90.0).contains(&elevation) {
@@ -371,6 +381,9 @@ mod tests {
         assert_eq!(bad(RenderParams { size: [0, 8], ..ok() }), "size.0");
         assert_eq!(bad(RenderParams { step: f64::NAN, ..ok() }), "step");
         assert_eq!(bad(RenderParams { termination: 0.0, ..ok() }), "termination");
+        for window in [[1.0, 1.0], [2.0, 1.0], [0.0, f64::INFINITY], [f64::NAN, 1.0]] {
+            assert_eq!(bad(RenderParams { window: Some(window), ..ok() }), "window");
+        }
         assert_eq!(bad(RenderParams { mode: Mode::Iso { value: f64::NAN }, ..ok() }), "iso");
         let clip = |clip| bad(RenderParams { clip: vec![clip], ..ok() });
         assert_eq!(clip(Clip::default()), "clip");

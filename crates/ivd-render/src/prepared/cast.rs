@@ -178,9 +178,9 @@ impl Prepared<'_> {
         tiles(camera, exec, |rays| project(wide, field, projection, bounds, sign, skip, rays).map(shown))
     }
 
-    /// The first peak above a threshold (real), or above the middle of the window.
+    /// The first peak above a threshold (real), or above the middle of the range.
     fn first_peak(&self, threshold: Option<f64>) -> FirstPeak {
-        let [low, high] = self.window();
+        let [low, high] = self.range();
         FirstPeak { threshold: self.signed(threshold.unwrap_or(0.5 * (low + high))) as f32 }
     }
 

@@ -125,6 +125,11 @@ impl<'a> Prepared<'a> {
 
     /// Real values that a projection shows black and white.
     fn window(&self) -> [f64; 2] {
+        self.params.window.unwrap_or_else(|| self.range())
+    }
+
+    /// Least and greatest real value.
+    fn range(&self) -> [f64; 2] {
         self.scene.windowed().range().unwrap_or([0.0; 2])
     }
 

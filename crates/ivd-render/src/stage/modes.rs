@@ -13,10 +13,22 @@ use crate::{Fit, Mode, Prepared, RenderParams, Scene, Surroundings};
 
 use super::{FRAMING, Picked, Plain, RenderFigures, rate};
 
-/// Maximum intensity projection: the greatest value along a ray, as grey over the volume's range.
+/// What is black and white.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+pub struct Greys {
+    /// Values that are drawn black and white, those beyond them too; without it the volume's range.
+    #[schemars(extend("x-unit" = "that of the values"))]
+    pub window: Option<[f64; 2]>,
+}
+
+/// Maximum intensity projection: the greatest value along a ray, as grey over `window`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MipParams {
+    /// What is black and white.
+    #[serde(flatten)]
+    pub greys: Greys,
     /// The picture.
     #[serde(flatten)]
     pub picture: RenderParams,
@@ -37,32 +49,41 @@ pub struct IsoParams {
     pub picture: RenderParams,
 }
 
-/// Minimum intensity projection: the least value along a ray, as grey over the volume's range. Air round a body hides all that is in it: clip it away.
+/// Minimum intensity projection: the least value along a ray, as grey over `window`. Air round a body hides all that is in it: clip it away.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MinipParams {
+    /// What is black and white.
+    #[serde(flatten)]
+    pub greys: Greys,
     /// The picture.
     #[serde(flatten)]
     pub picture: RenderParams,
 }
 
-/// The mean value along a ray, as grey over the volume's range: like a radiograph.
+/// The mean value along a ray, as grey over `window`: like a radiograph.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MeanParams {
+    /// What is black and white.
+    #[serde(flatten)]
+    pub greys: Greys,
     /// The picture.
     #[serde(flatten)]
     pub picture: RenderParams,
 }
 
-/// Local maximum intensity projection: the first local maximum along a ray at or above a threshold, else the greatest value, as grey over the volume's
-/// range. What lies in front hides what lies behind.
+/// Local maximum intensity projection: the first local maximum along a ray at or above a threshold, else the greatest value, as grey over
+/// `window`. What lies in front hides what lies behind.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct LmipParams {
     /// Value that a local maximum must reach; without it the middle of the volume's range.
     #[schemars(extend("x-unit" = "that of the values"))]
     pub threshold: Option<f64>,
+    /// What is black and white.
+    #[serde(flatten)]
+    pub greys: Greys,
     /// The picture.
     #[serde(flatten)]
     pub picture: RenderParams,
@@ -75,6 +96,9 @@ pub struct AttenuatedMipParams {
     /// How much what lies before a sample dims it: white all along the volume's diagonal by `exp(−attenuation)`; 0 gives mode mip.
     #[schemars(range(min = 0.0, max = MOST_ATTENUATION), extend("x-unit" = "1"))]
     pub attenuation: f64,
+    /// What is black and white.
+    #[serde(flatten)]
+    pub greys: Greys,
     /// The picture.
     #[serde(flatten)]
     pub picture: RenderParams,
@@ -82,7 +106,7 @@ pub struct AttenuatedMipParams {
 
 impl Default for AttenuatedMipParams {
     fn default() -> Self {
-        Self { attenuation: 4.0, picture: RenderParams::default() }
+        Self { attenuation: 4.0, greys: Greys::default(), picture: RenderParams::default() }
     }
 }
 
@@ -123,9 +147,19 @@ pub(super) const CLOSE: &[&str] = &[Casting::NAME];
 /// Raised for all modes together: what they share is most of them.
 pub(super) const REVISION: u32 = 4;
 
-/// A mode without a transfer function: what it is of its parameters, and what it casts its rays by.
+/// A mode without a transfer function: the picture that its parameters ask for, and what it casts its rays by.
 macro_rules! plain {
     ($($params:ty: $picture:expr, $close:expr);+ $(;)?) => {$(
+        impl $params {
+            /// The picture that is asked for.
+            ///
+            /// # Errors
+            /// Names what is needed and isn't given.
+            pub fn asked(&self) -> Result<RenderParams, ParamError> {
+                $picture(self)
+            }
+        }
+
         impl Op for $params {
             const REVISION: u32 = REVISION;
             type Inputs<'a> = Plain<'a>;
@@ -134,8 +168,7 @@ macro_rules! plain {
             const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
             fn check_together(&self) -> Result<(), ParamError> {
-                let picture: Result<RenderParams, ParamError> = $picture(self);
-                picture?.check_together()
+                self.asked()?.check_together()
             }
 
             fn wants(&self, slot: &str) -> Want {
@@ -147,15 +180,15 @@ macro_rules! plain {
             }
 
             fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
-                let picture: Result<RenderParams, ParamError> = $picture(self);
-                drawn(&inputs.into(), &picture.map_err(crate::Error::from)?, exec)
+                drawn(&inputs.into(), &self.asked().map_err(crate::Error::from)?, exec)
             }
         }
     )+};
 }
-/// A picture in a mode.
-fn in_mode(mode: Mode, picture: &RenderParams) -> RenderParams {
-    RenderParams { mode, ..picture.clone() }
+
+/// A picture in a mode of greys.
+fn in_mode(mode: Mode, greys: Greys, picture: &RenderParams) -> Result<RenderParams, ParamError> {
+    Ok(RenderParams { mode, window: greys.window, ..picture.clone() })
 }
 
 /// No device knows the form.
@@ -164,15 +197,17 @@ fn on_processor<T>(_: &T) -> &'static [&'static str] {
 }
 
 plain! {
-    MipParams: |params: &Self| Ok(in_mode(Mode::Mip, &params.picture)), |_: &Self| CLOSE;
+    MipParams: |params: &Self| in_mode(Mode::Mip, params.greys, &params.picture), |_: &Self| CLOSE;
     IsoParams: Self::picture, |params: &Self| if params.surroundings.are_asked() { &[] } else { CLOSE };
-    MinipParams: |params: &Self| Ok(in_mode(Mode::Minip, &params.picture)), |_: &Self| CLOSE;
-    MeanParams: |params: &Self| Ok(in_mode(Mode::Mean, &params.picture)), on_processor;
+    MinipParams: |params: &Self| in_mode(Mode::Minip, params.greys, &params.picture), |_: &Self| CLOSE;
+    MeanParams: |params: &Self| in_mode(Mode::Mean, params.greys, &params.picture), on_processor;
     LmipParams:
-        |params: &Self| Ok(in_mode(Mode::Lmip { threshold: params.threshold }, &params.picture)),
+        |params: &Self| in_mode(Mode::Lmip { threshold: params.threshold }, params.greys, &params.picture),
         on_processor;
     AttenuatedMipParams:
-        |params: &Self| Ok(in_mode(Mode::AttenuatedMip { attenuation: params.attenuation }, &params.picture)),
+        |params: &Self| {
+            in_mode(Mode::AttenuatedMip { attenuation: params.attenuation }, params.greys, &params.picture)
+        },
         on_processor;
 }
 
