@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use ivd_core::{Exec, Grid, TransferFunction, Volume, Voxels};
-use ivd_render::{Clip, Fit, Mode, Radiance, RenderParams, Scene, Surroundings, View, radiance};
+use ivd_core::{Exec, Grid, Labels, TransferFunction, Volume, Voxels};
+use ivd_render::{Clip, Fit, Mode, Projection, Radiance, RenderParams, Scene, Surroundings, View, radiance};
 use nalgebra::Vector3;
 
 use crate::pictures::common::{hills, sampled, twisted};
@@ -263,4 +263,55 @@ fn a_homogeneous_cloud_leaves_of_the_sky_what_its_depth_does() {
     // A ray or two a sample, hundreds of samples.
     assert!((with / without - truth / plain).abs() < 0.01, "{} for {}", with / without, truth / plain);
     assert!(truth / plain < 0.75);
+}
+
+/// How far two pictures are apart: the mean over their pixels, and that of their differences.
+fn apart(a: &Radiance, b: &Radiance) -> [f64; 2] {
+    let off = a.rgba.iter().zip(&b.rgba).map(|(p, q)| f64::from(p[0] - q[0]));
+    let count = a.rgba.len() as f64;
+    [off.clone().map(f64::abs).sum::<f64>() / count, off.sum::<f64>().abs() / count]
+}
+
+#[test]
+fn what_shades_stays_where_the_volume_lies_far_away_is_seen_from_afar_or_has_labels() {
+    let here = floor_and_wall();
+    let values: Vec<f32> = here.to_array().t().iter().map(|&value| value as f32).collect();
+    let table = [[0.9, 0.6, 0.3, 0.0], [0.9, 0.6, 0.3, 0.9]];
+    let transfer = |rows: Vec<u16>, table: Vec<[f32; 4]>| {
+        TransferFunction::new([-1.0, 1.0], 2, 1.0, rows, table, vec![]).unwrap()
+    };
+    let plain = transfer(vec![0], table.to_vec());
+    let asked = Surroundings { ao: 32, ao_radius: Some(15.0), shadow: true, ..Surroundings::default() };
+    for mode in [Mode::Iso { value: 0.0 }, Mode::Dvr] {
+        let params = above(mode, asked);
+        let scene = Scene { transfer: Some(&plain), ..Scene::new(&here) };
+        let picture = drawn(&scene, &params);
+        let unshaded = RenderParams { surroundings: Surroundings::default(), ..params.clone() };
+        let [takes, _] = apart(&picture, &drawn(&scene, &unshaded));
+        assert!(takes > 0.01, "{mode:?}: it shows, by {takes}");
+
+        let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let grid = Grid::new(here.grid().dims(), [1.0; 3], [1e6, -2e6, 3e6], axes).unwrap();
+        let there = Volume::new(grid, Voxels::from(values.clone())).unwrap();
+        let [off, bias] = apart(&picture, &drawn(&Scene { volume: &there, ..scene }, &params));
+        assert!(off < 0.05 * takes && bias < 0.01 * takes, "{mode:?}: far away by {off}, {bias} of {takes}");
+
+        let view = View { projection: Projection::Perspective, field_of_view: 1.0, ..params.view };
+        let afar = drawn(&scene, &RenderParams { view, ..params.clone() });
+        let [off, bias] = apart(&picture, &afar);
+        assert!(off < 0.2 * takes && bias < 0.05 * takes, "{mode:?}: afar by {off}, {bias} of {takes}");
+    }
+
+    // Labels whose rows are alike; another that no voxel has makes them matter.
+    let ids: Vec<u16> = (0..values.len()).map(|i| 1 + (i % 2) as u16).collect();
+    let ids = Volume::new(here.grid().clone(), Voxels::from(ids)).unwrap();
+    let labels = Labels::from_volume(&ids).unwrap();
+    let rows = [table, table, table, [[0.0; 4]; 2]].concat();
+    let by_label = transfer(vec![0, 1, 2, 3], rows);
+    assert!(by_label.depends_on_label());
+    let params = above(Mode::Dvr, asked);
+    let picture = drawn(&Scene { transfer: Some(&plain), ..Scene::new(&here) }, &params);
+    let scene = Scene { transfer: Some(&by_label), labels: Some(&labels), ..Scene::new(&here) };
+    let [off, _] = apart(&picture, &drawn(&scene, &params));
+    assert!(off < 1e-5, "labels whose rows are alike change it by {off}");
 }
