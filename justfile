@@ -82,6 +82,11 @@ readers:
     target/interop-venv/bin/python tests/interop/recipes.py target/release/ivd
     target/interop-venv/bin/python tests/interop/reports.py target/release/ivd target/reports fixtures/scenes/*.toml
 
+# Every mode of the renderer on real scans that are deformed, as a page (target/gallery/index.html); needs the scans.
+gallery *names="":
+    cargo build --release
+    python3 tests/gallery.py target/release/ivd target/gallery {{names}}
+
 # Every scene's artefacts and decoded outputs against the table; `just golden --write fixtures/golden.tsv` after a change that is meant.
 golden *args="--check fixtures/golden.tsv":
     cargo build --release

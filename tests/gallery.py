@@ -11,8 +11,14 @@ import sys
 import time
 
 SCENES = pathlib.Path(__file__).resolve().parent / "gallery"
-# Scenes, and the isovalue of what they show.
-SCANS = {"ct_head": 500, "mri_head": 60, "mni152": 90, "engine": 100, "bonsai": 40}
+# Scenes: the isovalue of what they show, and the value that is white in a mean.
+SCANS = {"ct_head": (500, 900), "mri_head": (60, 160), "mni152": (90, 110), "engine": (100, 110), "bonsai": (40, 40)}
+# Air round a body hides what is in it from the least values: boxes inside.
+INSIDE = {
+    "ct_head": "{min=[-160,-150,-170],max=[-60,-25,-60]}",
+    "mri_head": "{min=[-350,-50,440],max=[-260,100,520]}",
+    "mni152": "{min=[-40,-60,0],max=[40,40,50]}",
+}
 # What a row is called, and what is set for it beside the scene's own.
 MODES = {
     "Volume, lit, ambient occlusion": ["render.mode=dvr", "render.ao=16"],
@@ -24,8 +30,8 @@ MODES = {
     "Maximum intensity": ["render.mode=mip"],
     "Local maximum intensity": ["render.mode=lmip", "render.threshold={iso}"],
     "Attenuated maximum intensity": ["render.mode=attenuated-mip"],
-    "Minimum intensity": ["render.mode=minip"],
-    "Mean, like a radiograph": ["render.mode=mean"],
+    "Minimum intensity, of a box inside": ["render.mode=minip", "render.clip=[{inside}]"],
+    "Mean, like a radiograph": ["render.mode=mean", "render.window=[0,{white}]"],
     "Slices": ["render.mode=slices"],
     "Shear-warp": ["render.mode=shear-warp"],
     "In perspective": ["render.mode=dvr", "render.projection=perspective"],
@@ -58,9 +64,13 @@ def main():
         scene = SCENES / f"{name}.toml"
         title = scene.read_text().splitlines()[0].lstrip("# ")
         rows = []
+        iso, white = SCANS[name]
+        words = {"iso": iso, "white": white, "inside": INSIDE.get(name)}
         for number, (mode, settings) in enumerate(MODES.items()):
+            if words["inside"] is None and any("{inside}" in setting for setting in settings):
+                continue
             folder = out / name / f"{number:02}"
-            took, problem = run(ivd, scene, folder, out / "cache", [setting.format(iso=SCANS[name]) for setting in settings])
+            took, problem = run(ivd, scene, folder, out / "cache", [setting.format(**words) for setting in settings])
             print(f"{name}: {mode}: {problem or f'{took:.1f} s'}", flush=True)
             if problem:
                 failures += 1

@@ -6,9 +6,13 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use ivd_core::Exec;
-use ivd_frames::{Begun, Error, Frame, Model, Output, Pane, Request, Saved, Service, Source, Subject, Tell};
+use ivd_frames::{
+    Begun, Error, Figures, Frame, MapName, Model, Output, Pane, Request, Saved, Service, Source, Subject,
+    Tell,
+};
 
 use super::common::{BALL, Draw, model};
+use super::scripts::assert_as_piped;
 
 const LONG: Duration = Duration::from_mins(1);
 
@@ -199,4 +203,63 @@ fn another_is_opened_while_a_frame_of_the_one_before_is_made() {
         assert_eq!(last.figures.handles, alone.figures().handles);
         assert_eq!(last.pictures[0].image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
     }
+}
+
+#[test]
+fn stiffness_level_and_map_changed_in_mid_drag_are_in_the_next_frame() {
+    let springs = format!("{BALL}\n[deform]\nsolver = \"projective\"\ntolerance = 0.01\nground = 0.5\n");
+    // What is moved goes where the hand is however stiff it is; what is pulled by a force doesn't.
+    let pulled = [
+        Request::Add { place: [5.5, 16.0, 16.0], by: [0.0; 3] },
+        Request::Pull { handle: 0, with: [-100.0, 0.0, 0.0] },
+    ];
+    let level = Request::Level { level: 0 };
+    changed_in_mid_drag(&springs, &pulled, &[Request::Stiffness { stiffness: 400.0 }, level.clone()]);
+    changed_in_mid_drag(BALL, &[], &[Request::Map { map: MapName::Biharmonic }, level]);
+}
+
+/// Follows requests while a handle is held: each is in the frame that comes next, as without a service.
+fn changed_in_mid_drag(scene: &str, before: &[Request], changes: &[Request]) {
+    let (sender, outputs) = channel();
+    let (begins, publish) = (scene.to_owned(), move |output| _ = sender.send(output));
+    let service = Service::start(move |_| Ok(model(&begins)), Exec::default(), publish).unwrap();
+    let mut alone = model(scene);
+    // Every frame is waited for, so that the one behind a request is the next.
+    let next = || loop {
+        match outputs.recv_timeout(LONG).unwrap() {
+            Output::Frame(frame) => return frame,
+            Output::Failed(why) => panic!("{why}"),
+            _ => {}
+        }
+    };
+    let settled = |mut frame: Arc<Frame>| {
+        while frame.pictures[0].coarser > 1 {
+            frame = next();
+        }
+        frame
+    };
+    let mut shown = settled(next());
+    let held = [
+        Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] },
+        Request::Drag { to: [0.51, 0.49], lock: None },
+    ];
+    let wide = Request::Radius { handle: None, radius: 12.0 };
+    for request in [&wide].into_iter().chain(before).chain(&held).chain(changes) {
+        let was = alone.session().displacement().clone();
+        alone.follow(request).unwrap();
+        service.ask(1, request.clone());
+        let frame = next();
+        assert_eq!(frame.figures.refused, None, "{request:?}");
+        let of = |figures: &Figures| (figures.stiffness, figures.level, figures.map, figures.handles.clone());
+        assert_eq!(of(&frame.figures), of(&alone.figures()), "{request:?}");
+        if changes.contains(request) {
+            assert!(frame.figures.held.is_some(), "{request:?} lets go");
+            let changed = alone.session().displacement().changed(&was).unwrap();
+            assert!(!changed.is_empty(), "{request:?} changes nothing");
+            assert!(frame.pictures[0].version > shown.pictures[0].version, "{request:?} isn't seen");
+        }
+        shown = settled(frame);
+        assert_eq!(shown.pictures[0].image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
+    }
+    assert_as_piped(&alone);
 }
