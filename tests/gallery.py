@@ -12,7 +12,7 @@ import time
 
 SCENES = pathlib.Path(__file__).resolve().parent / "gallery"
 # Scenes: the isovalue of what they show, and the value that is white in a mean.
-SCANS = {"ct_head": (500, 900), "mri_head": (60, 160), "mni152": (90, 110), "engine": (100, 110), "bonsai": (40, 40)}
+SCANS = {"ct_head": (500, 900), "mri_head": (60, 300), "mni152": (90, 200), "engine": (100, 110), "bonsai": (40, 90)}
 # Air round a body hides what is in it from the least values: boxes inside.
 INSIDE = {
     "ct_head": "{min=[-160,-150,-170],max=[-60,-25,-60]}",
