@@ -26,7 +26,11 @@ mod subject;
 mod tools;
 
 pub use error::Error;
-pub use figures::{Class, Figures, Hovered, Refused, Slice, Spot};
+pub use ivd_field::clip::{Cuboid, HalfSpace};
+pub use ivd_field::lies::Lies;
+pub use ivd_session::ClipPart;
+
+pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Refused, Slice, Spot};
 pub use log::Log;
 pub use model::Model;
 pub use opening::{Begun, Line, Scan, Tell};

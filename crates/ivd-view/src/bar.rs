@@ -114,7 +114,7 @@ impl Window {
         if item(ui, redo.is_some(), &named("Redo", &redo), Some(&keys::REDO)) {
             self.ask(Request::Redo);
         }
-        if item(ui, is_shown, "Take all handles and pins away", None) {
+        if item(ui, is_shown, "Take all handles, pins, cuts and bones away", None) {
             self.ask(Request::Reset);
         }
     }

@@ -179,7 +179,7 @@ impl Dialog {
             }
             Self::Unsaved(_) => {
                 ui.heading("What was done here is not saved");
-                ui.label("A scene keeps it: handles, pins, stiffness, level, map, colours.");
+                ui.label("A scene keeps it: handles, pins, the cut, planes, bones, stiffness, level, map, colours.");
                 choice(ui, "Save the scene …", Some("Throw it away"))
             }
             Self::Recover { left, .. } => {

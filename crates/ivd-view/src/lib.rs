@@ -6,7 +6,10 @@
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
 
 mod bar;
+mod bones;
 mod classes;
+mod clips;
+mod cut;
 mod dialogs;
 mod error;
 mod files;

@@ -1,6 +1,6 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use ivd_frames::{Figures, Pane, Spot, Tool};
 
 use crate::shown::Shown;
@@ -9,6 +9,7 @@ const CROSS: Color32 = Color32::from_rgba_premultiplied(63, 139, 106, 170);
 const HANDLE: Color32 = Color32::from_rgb(255, 180, 84);
 const HELD: Color32 = Color32::from_rgb(255, 212, 121);
 const PIN: Color32 = Color32::from_rgb(108, 182, 255);
+const CUT: Color32 = Color32::from_rgb(255, 110, 110);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
 const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
 /// Slices from which on a handle is faint in a slice.
@@ -25,6 +26,8 @@ pub(crate) struct Over<'a> {
     pub(crate) room: Rect,
     pub(crate) shown: &'a Shown,
     pub(crate) tool: Tool,
+    /// The line that is drawn to cut along.
+    pub(crate) line: Option<[[f64; 2]; 2]>,
 }
 
 impl Over<'_> {
@@ -33,6 +36,7 @@ impl Over<'_> {
         self.cross_hair();
         if let Some(figures) = self.shown.figures() {
             self.spots(figures);
+            self.cut(figures);
         }
         self.letters();
         self.bar();
@@ -102,6 +106,21 @@ impl Over<'_> {
             self.ring(at, 3.0, Color32::WHITE, 1.0);
             self.ring(at, figures.radius as f32 * scale, Color32::WHITE.gamma_multiply(0.35), 1.0);
         }
+    }
+
+    /// The mouth of the cut that there is, while another may be drawn, and the line that is drawn with its length.
+    fn cut(&self, figures: &Figures) {
+        let mouth = figures.incision.as_ref().and_then(|cut| cut.at[self.pane.number()]);
+        if let Some(ends) = mouth.filter(|_| self.tool == Tool::Incise && self.line.is_none()) {
+            let ends = ends.map(|end| self.place(end));
+            self.painter.extend(Shape::dashed_line(&ends, Stroke::new(1.5, CUT), 5.0, 4.0));
+        }
+        let (Some(line), Some(scale)) = (self.line, self.scale()) else { return };
+        let [from, to] = line.map(|end| self.place(end));
+        self.painter.line_segment([from, to], Stroke::new(4.0, Color32::BLACK.gamma_multiply(0.6)));
+        self.painter.line_segment([from, to], Stroke::new(2.0, CUT));
+        let length = format!("{:.0} mm", from.distance(to) / scale);
+        self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, CUT);
     }
 
     fn letters(&self) {

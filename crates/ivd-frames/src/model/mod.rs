@@ -1,8 +1,10 @@
 //! A session with what a window shows of it: requests change it, and it says which panes that touches.
 
+mod clips;
 mod hand;
 mod looks;
 mod parts;
+mod stroke;
 mod told;
 
 use std::time::{Duration, Instant};
@@ -283,11 +285,16 @@ impl Model {
                 self.apply(Event::Pin { id: None, pin })
             }
             Request::Release { fix } => self.apply(Event::Release { fix: *fix }),
-            Request::Incise { .. }
-            | Request::Close { .. }
-            | Request::Clip { .. }
-            | Request::Unclip { .. }
-            | Request::Turn { .. } => self.change_part(request),
+            Request::Stroke { pane, from, to } => self.stroke(*pane, *from, *to),
+            Request::Clip { .. }
+            | Request::ClipHere { .. }
+            | Request::ClipBox { .. }
+            | Request::MoveClip { .. }
+            | Request::ClipIn { .. }
+            | Request::Unclip { .. } => self.change_clip(request),
+            Request::Incise { .. } | Request::Open { .. } | Request::Close { .. } | Request::Turn { .. } => {
+                self.change_part(request)
+            }
             Request::Undo => {
                 self.let_go()?;
                 let exec = self.in_time();

@@ -6,4 +6,5 @@ mod hands;
 mod keyboard;
 mod names;
 mod opened;
+mod parts;
 mod screen;
