@@ -27,9 +27,11 @@ mod run;
 mod shown;
 mod side;
 mod status;
+mod system;
 mod window;
 mod work;
 
 pub use error::Error;
 pub use run::{Options, run, source};
+pub use system::{Chooser, Choosing, Kind, Wanted};
 pub use window::Window;

@@ -61,7 +61,7 @@ impl Window {
     /// Nothing is shown.
     pub(crate) fn clear(&mut self) {
         (self.shown, self.hands) = (Shown::default(), Hands::default());
-        (self.turning, self.word, self.waits) = (None, None, None);
+        (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
         self.asked = None;
         self.size = ([0; 2], 0.0, true);

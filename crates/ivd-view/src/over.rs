@@ -9,7 +9,7 @@ const CROSS: Color32 = Color32::from_rgba_premultiplied(63, 139, 106, 170);
 const HANDLE: Color32 = Color32::from_rgb(255, 180, 84);
 const HELD: Color32 = Color32::from_rgb(255, 212, 121);
 const PIN: Color32 = Color32::from_rgb(108, 182, 255);
-const CUT: Color32 = Color32::from_rgb(255, 110, 110);
+const CUT: Color32 = Color32::from_rgb(245, 245, 245);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
 const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
 /// Slices from which on a handle is faint in a slice.
@@ -113,7 +113,12 @@ impl Over<'_> {
         let mouth = figures.incision.as_ref().and_then(|cut| cut.at[self.pane.number()]);
         if let Some(ends) = mouth.filter(|_| self.tool == Tool::Incise && self.line.is_none()) {
             let ends = ends.map(|end| self.place(end));
-            self.painter.extend(Shape::dashed_line(&ends, Stroke::new(1.5, CUT), 5.0, 4.0));
+            self.painter.extend(Shape::dashed_line(
+                &ends,
+                Stroke::new(1.0, CUT.gamma_multiply(0.7)),
+                4.0,
+                5.0,
+            ));
         }
         let (Some(line), Some(scale)) = (self.line, self.scale()) else { return };
         let [from, to] = line.map(|end| self.place(end));

@@ -12,6 +12,7 @@ use crate::pane::places;
 use crate::received::Word;
 use crate::run::Options;
 use crate::shown::Shown;
+use crate::system::{Asked, Purpose};
 use crate::work::Work;
 
 /// A picture of this many pixels is drawn soon enough; more are left to the screen.
@@ -28,6 +29,8 @@ pub struct Window {
     pub(crate) hands: Hands,
     pub(crate) layout: Layout,
     pub(crate) dialog: Option<Dialog>,
+    /// The system's dialog that is shown.
+    pub(crate) chooses: Option<Asked>,
     /// What waits until something is kept.
     pub(crate) waits: Option<Then>,
     /// A slider or field that is held, and its value.
@@ -60,6 +63,7 @@ impl Window {
             hands: Hands::default(),
             layout,
             dialog: None,
+            chooses: None,
             waits: None,
             turning: None,
             place: String::new(),
@@ -90,6 +94,7 @@ impl Window {
             self.open(source, &context);
         }
         self.receive(&context);
+        self.chosen(&context);
         self.dropped(&context);
         self.keys(&context);
         Panel::top("bar").show(ui, |ui| self.bar(ui));
@@ -113,7 +118,7 @@ impl Window {
                     ui.add_space(0.35 * rect.height());
                     ui.heading("Drop a scan or a scene here");
                     if ui.button("Open a file …").clicked() {
-                        self.ask_what_to_open();
+                        self.ask_for(Purpose::Open { folder: false }, ui.ctx());
                     }
                     if ui.button("Try the demo").on_hover_text("A generated head with a handle").clicked() {
                         self.open(Source::default(), ui.ctx());

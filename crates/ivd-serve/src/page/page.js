@@ -273,7 +273,7 @@ function over(context, name, number, place, scale, canvas) {
   const mouth = line ?? (tool() === "incise" ? figures.incision?.at[number] : null);
   if (mouth) {
     const [from, to] = mouth.map(place);
-    context.strokeStyle = context.fillStyle = "#ff6e6e"; context.lineWidth = 2 * unit;
+    context.strokeStyle = context.fillStyle = "#f5f5f5"; context.lineWidth = 2 * unit;
     context.setLineDash(line ? [] : [5 * unit, 4 * unit]);
     context.beginPath(); context.moveTo(...from); context.lineTo(...to); context.stroke();
     context.setLineDash([]);

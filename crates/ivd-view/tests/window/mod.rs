@@ -2,6 +2,7 @@
 
 mod common;
 mod drawn;
+mod files;
 mod hands;
 mod keyboard;
 mod names;
