@@ -5,7 +5,7 @@ use ivd_render::Lens;
 use ivd_session::ClipPart;
 use serde::Serialize;
 
-use crate::Pane;
+use crate::{Made, Pane};
 
 /// A handle or a pin, and where the panes show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -212,6 +212,8 @@ pub struct Figures {
     pub draw_s: f64,
     /// Why the last event wasn't followed.
     pub refused: Option<Refused>,
+    /// What the body is made of.
+    pub made: Made,
     /// What was chosen for the person.
     pub said: Vec<String>,
 }

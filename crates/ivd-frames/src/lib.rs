@@ -13,6 +13,7 @@ mod colours;
 mod error;
 mod figures;
 mod log;
+mod made;
 mod model;
 mod opening;
 mod panes;
@@ -32,6 +33,7 @@ pub use ivd_session::ClipPart;
 
 pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Refused, Slice, Spot};
 pub use log::Log;
+pub use made::Made;
 pub use model::Model;
 pub use opening::{Begun, Line, Scan, Tell};
 pub use request::{Axis, MapName, Pane, Request, Saved};

@@ -19,6 +19,7 @@ mod inbox;
 mod journal;
 mod keys;
 mod layout;
+mod made;
 mod opened;
 mod over;
 mod pane;

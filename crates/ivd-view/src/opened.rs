@@ -63,6 +63,7 @@ impl Window {
         (self.shown, self.hands) = (Shown::default(), Hands::default());
         (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
+        self.wish = None;
         self.asked = None;
         self.size = ([0; 2], 0.0, true);
         self.lost = false;

@@ -26,6 +26,7 @@ impl Window {
                 ui.separator();
                 self.bones(ui, &figures);
                 self.classes(ui, &figures);
+                self.made_of(ui, &figures);
             }
             let notes = self.notes.clone();
             if !notes.is_empty() {

@@ -8,6 +8,7 @@ use crate::dialogs::{Dialog, Then};
 use crate::files;
 use crate::gestures::Hands;
 use crate::layout::Layout;
+use crate::made::Wish;
 use crate::pane::places;
 use crate::received::Word;
 use crate::run::Options;
@@ -35,6 +36,10 @@ pub struct Window {
     pub(crate) waits: Option<Then>,
     /// A slider or field that is held, and its value.
     pub(crate) turning: Option<(String, f64)>,
+    /// What the body is to be made of.
+    pub(crate) wish: Option<Wish>,
+    /// What is made again, and what was open before it, to go back to.
+    pub(crate) before: Option<[Source; 2]>,
     /// Of a new handle, as it is typed.
     pub(crate) place: String,
     /// Where a picture of the window goes, and from which pass on it is taken.
@@ -66,6 +71,8 @@ impl Window {
             chooses: None,
             waits: None,
             turning: None,
+            wish: None,
+            before: None,
             place: String::new(),
             photograph: None,
             notes: Vec::new(),

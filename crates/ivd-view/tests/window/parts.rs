@@ -10,6 +10,9 @@ use super::common::{BALL, Here, scene};
 use super::keyboard::{tab_to, typed};
 use super::names::assert_named;
 
+/// A bone of the ball, so that masses are on springs.
+const BONE: &str = "[deform]\nsolver = \"projective\"\ntolerance = 0.01\nground = 0.01\n[[deform.rigid]]\nname = \"C5\"\ncentre = [16.0, 16.0, 5.0]\nradius = 4.0\nreach = 6.0\n";
+
 fn button(here: &mut Here, pos: Pos2, pressed: bool) {
     here.harness.hover_at(pos);
     here.harness.step();
@@ -118,8 +121,7 @@ fn a_plane_is_put_moved_turned_and_taken_away() {
 #[test]
 fn a_bone_is_turned_by_its_row() {
     let folder = Arc::new(tempfile::tempdir().unwrap());
-    let bone = "[deform]\nsolver = \"projective\"\ntolerance = 0.01\nground = 0.01\n[[deform.rigid]]\nname = \"C5\"\ncentre = [16.0, 16.0, 5.0]\nradius = 4.0\nreach = 6.0\n";
-    let source = scene(folder.path(), &format!("{BALL}{bone}"));
+    let source = scene(folder.path(), &format!("{BALL}{BONE}"));
     let mut here = Here::new(folder, Some(source), None);
     here.settle();
     here.harness.run_ok();
