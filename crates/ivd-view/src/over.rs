@@ -111,7 +111,9 @@ impl Over<'_> {
     /// The mouth of the cut that there is, while another may be drawn, and the line that is drawn with its length.
     fn cut(&self, figures: &Figures) {
         let mouth = figures.incision.as_ref().and_then(|cut| cut.at[self.pane.number()]);
-        if let Some(ends) = mouth.filter(|_| self.tool == Tool::Incise && self.line.is_none()) {
+        // Over the volume one that lies within would seem to lie on its skin.
+        let is_slice = self.pane != Pane::Volume;
+        if let Some(ends) = mouth.filter(|_| is_slice && self.tool == Tool::Incise && self.line.is_none()) {
             let ends = ends.map(|end| self.place(end));
             self.painter.extend(Shape::dashed_line(
                 &ends,

@@ -270,7 +270,7 @@ function over(context, name, number, place, scale, canvas) {
   }
   // The mouth of the cut while another may be drawn; the line that is drawn, with its length.
   const line = press?.does === "incise" && press.name === name ? [press.first, press.at] : null;
-  const mouth = line ?? (tool() === "incise" ? figures.incision?.at[number] : null);
+  const mouth = line ?? (number && tool() === "incise" ? figures.incision?.at[number] : null);
   if (mouth) {
     const [from, to] = mouth.map(place);
     context.strokeStyle = context.fillStyle = "#f5f5f5"; context.lineWidth = 2 * unit;
