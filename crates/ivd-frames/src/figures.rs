@@ -5,7 +5,7 @@ use ivd_render::Lens;
 use ivd_session::ClipPart;
 use serde::Serialize;
 
-use crate::{Made, Pane};
+use crate::{Made, Overlay, Pane};
 
 /// A handle or a pin, and where the panes show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -182,6 +182,8 @@ pub struct Figures {
     pub classes: Vec<Class>,
     /// Whether something would be lost that no scene was saved of.
     pub unsaved: bool,
+    /// What colours over the slices tell of.
+    pub overlay: Option<Overlay>,
     /// Values that are black and white in slices.
     pub window: [f64; 2],
     /// What would be undone.

@@ -6,7 +6,7 @@ use ivd_render::Colour;
 use ivd_session::ClipPart;
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
+use crate::{Error, Overlay};
 
 /// Sides of a picture (pixels).
 const SIDES: [usize; 2] = [32, 2048];
@@ -158,6 +158,12 @@ pub enum Request {
         /// Along which; `None` for the whole volume.
         #[serde(default)]
         along: Option<Pane>,
+    },
+    /// Colours over the slices.
+    Overlay {
+        /// What they tell of; `None` for none.
+        #[serde(default)]
+        of: Option<Overlay>,
     },
     /// Asks what lies there.
     Hover {

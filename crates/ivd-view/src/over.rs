@@ -1,7 +1,7 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
-use ivd_frames::{Figures, Pane, Spot, Tool};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
+use ivd_frames::{Figures, Overlay, Pane, Spot, Tool};
 
 use crate::shown::Shown;
 
@@ -16,6 +16,10 @@ const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
 const BESIDE: f64 = 2.0;
 /// Of what is written over pictures (points).
 const LETTERS: f32 = 13.0;
+
+/// Width and height of what tells colours apart (points), and into how many it is divided.
+const LEGEND: Vec2 = vec2(100.0, 8.0);
+const SHADES: usize = 25;
 
 /// What is drawn over a pane.
 pub(crate) struct Over<'a> {
@@ -37,6 +41,7 @@ impl Over<'_> {
         if let Some(figures) = self.shown.figures() {
             self.spots(figures);
             self.cut(figures);
+            self.legend(figures);
         }
         self.letters();
         self.bar();
@@ -128,6 +133,27 @@ impl Over<'_> {
         self.painter.line_segment([from, to], Stroke::new(2.0, CUT));
         let length = format!("{:.0} mm", from.distance(to) / scale);
         self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, CUT);
+    }
+
+    /// What the colours over a slice mean.
+    fn legend(&self, figures: &Figures) {
+        let Some(of) = figures.overlay.filter(|_| self.pane != Pane::Volume) else { return };
+        let corner = self.rect.left_bottom() + vec2(6.0, -38.0);
+        let bar = Rect::from_min_size(corner, LEGEND);
+        let step = LEGEND.x / SHADES as f32;
+        for shade in 0..SHADES {
+            let [red, green, blue] = of.colour((shade as f64 + 0.5) / SHADES as f64);
+            let part = Rect::from_min_size(corner + vec2(step * shade as f32, 0.0), vec2(step, LEGEND.y));
+            self.painter.rect_filled(part, 0.0, Color32::from_rgb(red, green, blue));
+        }
+        let [low, high] = of.scale(figures.largest_mm);
+        let unit = match of {
+            Overlay::Motion => "mm",
+            Overlay::Volume => "times the volume",
+        };
+        let high = (high * 1e6).round() / 1e6;
+        let told = format!("{low} to {high} {unit}");
+        self.write(bar.left_top() - vec2(0.0, 2.0), Align2::LEFT_BOTTOM, told, LETTERS, TEXT);
     }
 
     fn letters(&self) {

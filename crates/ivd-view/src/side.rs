@@ -1,7 +1,7 @@
 //! The panel beside the pictures: what moves and how, classes, what was noted.
 
 use egui::{CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui};
-use ivd_frames::{Figures, MapName, Pane, Request};
+use ivd_frames::{Figures, MapName, Overlay, Pane, Request};
 
 use crate::over::name;
 use crate::window::Window;
@@ -88,6 +88,7 @@ impl Window {
         }
         self.follow(ui, figures);
         self.look_inside(ui, figures);
+        self.colours_over(ui, figures);
     }
 
     /// How the voxels follow.
@@ -117,6 +118,18 @@ impl Window {
             for along in [None].into_iter().chain(slices).chain([Some(Pane::Volume)]) {
                 if ui.selectable_label(figures.cut == along, word(along)).clicked() {
                     self.ask(Request::Cut { along });
+                }
+            }
+        });
+    }
+
+    /// What colours over the slices tell of.
+    fn colours_over(&mut self, ui: &mut Ui, figures: &Figures) {
+        let word = |of: Option<Overlay>| of.map_or("nothing", Overlay::word);
+        ComboBox::from_label("Colours over slices").selected_text(word(figures.overlay)).show_ui(ui, |ui| {
+            for of in [None].into_iter().chain(Overlay::ALL.map(Some)) {
+                if ui.selectable_label(figures.overlay == of, word(of)).clicked() {
+                    self.ask(Request::Overlay { of });
                 }
             }
         });

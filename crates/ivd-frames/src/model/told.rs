@@ -50,6 +50,7 @@ impl Figures {
             slices: panes.planes.told(grid),
             classes: model.classes(),
             unsaved: model.is_unsaved(),
+            overlay: model.overlay,
             window: [model.window.low, model.window.high],
             undo: session.steps().last().map(|step| step.name.clone()),
             redo: session.undone().map(|step| step.name.clone()),

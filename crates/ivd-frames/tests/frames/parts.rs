@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, VoxelIndex};
 use ivd_field::shape::{Kind, Shape};
-use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Pane, Request};
+use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request};
 use ivd_map::space::Step;
 use ivd_session::Event;
 use nalgebra::Vector3;
@@ -245,4 +245,38 @@ fn what_no_window_asks_for_is_refused() {
     }
     let many = model.follow(&Request::ClipHere { along: Pane::Axial }).unwrap_err();
     assert!(many.to_string().contains("there are 64"), "{many}");
+}
+
+#[test]
+fn colours_over_slices_tell_of_what_moved_and_change_nothing() {
+    let mut model = model(BALL);
+    let draw = |model: &Model| model.draw(Pane::Axial, 1, &Exec::default()).unwrap();
+    let rest = draw(&model);
+    for of in Overlay::ALL {
+        follow(&mut model, &Request::Overlay { of: Some(of) });
+        assert_eq!(draw(&model), rest, "where nothing moves there is no colour");
+    }
+    follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] });
+    let voxels = model.session().deformed().clone();
+    let coloured = |image: &ivd_core::Image| {
+        let pixels = image.rgba().chunks_exact(4).enumerate();
+        let coloured = pixels.filter(|(_, pixel)| pixel[0] != pixel[1] || pixel[1] != pixel[2]);
+        coloured.map(|(i, _)| [i % 32, 31 - i / 32]).collect::<Vec<_>>()
+    };
+    let inverse = model.session().displacement().inverse().clone();
+    let moved = |[x, y]: [usize; 2]| inverse.at(VoxelIndex([31 - x, y, 16])) != [0.0; 3];
+    for of in Overlay::ALL {
+        let told = follow(&mut model, &Request::Overlay { of: Some(of) });
+        assert_eq!(told.overlay, Some(of));
+        let found = coloured(&draw(&model));
+        assert!(found.len() > 20, "{of:?}");
+        // A change of volume is seen one voxel further than the motion that makes it.
+        let near = |[x, y]: [usize; 2]| {
+            (0..9).any(|i| moved([(x + i % 3).clamp(1, 32) - 1, (y + i / 3).clamp(1, 32) - 1]))
+        };
+        assert!(found.iter().all(|at| near(*at)), "{of:?}");
+        assert_eq!(model.session().deformed(), &voxels);
+    }
+    let none = follow(&mut model, &Request::Overlay { of: None });
+    assert!(none.overlay.is_none() && coloured(&draw(&model)).is_empty());
 }
