@@ -269,15 +269,15 @@ function over(context, name, number, place, scale, canvas) {
     if (at) { ring(at, 3 * unit, "#fff"); ring(at, figures.radius * scale, "#ffffff55"); }
   }
   // The mouth of the cut while another may be drawn; the line that is drawn, with its length.
-  const line = press?.does === "incise" && press.name === name ? [press.first, press.at] : null;
-  const mouth = line ?? (number && tool() === "incise" ? figures.incision?.at[number] : null);
+  const drawn = press?.does === "incise" && press.name === name ? [press.first, press.at] : null;
+  const mouth = drawn ?? (number && tool() === "incise" ? figures.incision?.at[number] : null);
   if (mouth) {
     const [from, to] = mouth.map(place);
     context.strokeStyle = context.fillStyle = "#f5f5f5"; context.lineWidth = 2 * unit;
-    context.setLineDash(line ? [] : [5 * unit, 4 * unit]);
+    context.setLineDash(drawn ? [] : [5 * unit, 4 * unit]);
     context.beginPath(); context.moveTo(...from); context.lineTo(...to); context.stroke();
     context.setLineDash([]);
-    if (line) context.fillText(`${few(Math.hypot(to[0] - from[0], to[1] - from[1]) / scale, 0)} mm`, to[0] + 10 * unit, to[1] - 8 * unit);
+    if (drawn) context.fillText(`${few(Math.hypot(to[0] - from[0], to[1] - from[1]) / scale, 0)} mm`, to[0] + 10 * unit, to[1] - 8 * unit);
   }
   context.fillStyle = "#dde";
   const letters = name === "volume" ? figures.letters : figures.slices[number - 1].letters;
