@@ -8,8 +8,10 @@ use serde::{Deserialize, Serialize};
 const MOST_TIMES: f64 = 2.0;
 /// How much of a pixel is its colour at most.
 const OPAQUE: f64 = 0.7;
-/// From this share of the scale on a colour is whole; before that it fades in.
-const WHOLE: f64 = 0.15;
+/// From this share of the scale on a colour is whole; before that it fades in: of a motion, and of a change, whose first colours are next to white.
+const WHOLE: [f64; 2] = [0.15, 0.6];
+/// What is darker than this grey fades out: of air nobody asks where it has gone.
+const SEEN: f64 = 24.0;
 /// From dark to light, for any colour vision: a few of viridis (van der Walt and Smith 2015).
 const MOTION: [[u8; 3]; 5] = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
 /// Squeezed is blue and stretched is red: ends and middle of RdBu (Brewer).
@@ -74,14 +76,14 @@ impl Overlay {
         let (share, far) = match self {
             Self::Motion => {
                 let share = value / self.scale(largest_mm)[1];
-                (share, share)
+                (share, share / WHOLE[0])
             }
             Self::Volume => {
                 let octaves = (value.log2() / MOST_TIMES.log2()).clamp(-1.0, 1.0);
-                (0.5 + 0.5 * octaves, octaves.abs())
+                (0.5 + 0.5 * octaves, octaves.abs() / WHOLE[1])
             }
         };
-        let weight = OPAQUE * (far / WHOLE).clamp(0.0, 1.0);
+        let weight = OPAQUE * far.clamp(0.0, 1.0) * (f64::from(grey) / SEEN).min(1.0);
         let mixed = |c: u8| (f64::from(grey) * (1.0 - weight) + f64::from(c) * weight).round() as u8;
         self.colour(share).map(mixed)
     }
