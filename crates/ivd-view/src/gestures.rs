@@ -124,8 +124,8 @@ impl Hands {
         (self.press, self.lock) = (None, None);
         let mut requests = Vec::new();
         if press.does == Does::Incise {
-            let Press { pane, first: from, .. } = press;
-            requests.push(Request::Stroke { pane, from, to: within(press.at) });
+            let [from, to] = [press.first, press.at].map(within);
+            requests.push(Request::Stroke { pane: press.pane, from, to });
         }
         if press.does == Does::Handle {
             requests.push(Request::Drop);

@@ -30,18 +30,20 @@ impl Model {
             let problem = if from == to { "nothing is seen there" } else { "the line leaves what is seen" };
             return Err(wrong(problem, "draw a line over the body, from one end of the cut to the other"));
         };
-        // Over what is round a line is longer than from end to end.
-        let radius = 0.5 * ((centre - first).norm() + (last - centre).norm());
         let grid = self.session.rest().grid();
+        // Over what is round a line is longer than from end to end; over what leaps away behind an edge it isn't as long as the leap.
+        let over = 0.5 * ((centre - first).norm() + (last - centre).norm());
+        let Across { right, down } = self.panes.across(pane, grid, &self.lens, centre.into());
+        let drawn = (right * (to[0] - from[0]) + down * (to[1] - from[1])).norm();
+        let radius = over.min(drawn);
         if 2.0 * radius < SHORTEST * grid.voxel_diagonal() {
             return Err(wrong("the line is too short", "draw it from one end of the cut to the other"));
         }
         let along = last - first;
         let sight = match pane {
             Pane::Volume => Vector3::from(self.lens.sight(centre.into())),
-            slice => {
+            _ => {
                 self.check_seen(first, last)?;
-                let Across { right, down } = self.panes.across(slice, grid, &self.lens, centre.into());
                 right.cross(&down)
             }
         };

@@ -384,7 +384,10 @@ for (const name of panes) {
       // Seen from outside alone it would not be seen in any slice.
       if (name === "volume" && figures.held != null) goTo(figures.held);
     }
-    if (press?.does === "incise") now({ do: "stroke", pane: name, from: press.first, to: press.at.map((c) => Math.min(2, Math.max(-1, c))) });
+    if (press?.does === "incise") {
+      const [from, to] = [press.first, press.at].map((place) => place.map((c) => Math.min(2, Math.max(-1, c))));
+      now({ do: "stroke", pane: name, from, to });
+    }
     press = null; lock = null;
     draw();
   };
