@@ -40,12 +40,11 @@ impl Model {
             return Err(wrong("the line is too short", "draw it from one end of the cut to the other"));
         }
         let along = last - first;
-        let sight = match pane {
-            Pane::Volume => Vector3::from(self.lens.sight(centre.into())),
-            _ => {
-                self.check_seen(first, last)?;
-                right.cross(&down)
-            }
+        let sight = if pane == Pane::Volume {
+            Vector3::from(self.lens.sight(centre.into()))
+        } else {
+            self.check_seen(first, last)?;
+            right.cross(&down)
         };
         let normal = along.cross(&sight);
         if normal.norm() < 1e-6 * along.norm() * sight.norm() {
