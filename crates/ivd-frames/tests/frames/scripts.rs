@@ -260,9 +260,6 @@ fn scripts_end_where_the_pipeline_does() {
     }
     assert!(pairs.len() >= all.len(), "{} of {} pairs", pairs.len(), all.len());
     assert!(counts.values().all(|&count| count >= 20), "{counts:?}");
-    assert!(
-        parts.iter().all(|&count| count > 8),
-        "steps, clips and bones in {parts:?} of {scripts}"
-    );
+    assert!(parts.iter().all(|&count| count > 8), "steps, clips and bones in {parts:?} of {scripts}");
     assert!(moved * 2 > scripts, "{moved} of {scripts} end deformed, {refused} requests refused");
 }
