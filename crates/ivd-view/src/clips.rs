@@ -11,6 +11,8 @@ use crate::window::Window;
 const SPEED: f64 = 0.25;
 /// What lies at both ends of the patient's axes.
 const SIDES: [[&str; 2]; 3] = [["left", "right"], ["back", "front"], ["lower part", "upper part"]];
+/// Where they go; no wider than the panel.
+const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
 
 impl Window {
     /// Shows what clips.
@@ -108,7 +110,7 @@ impl Window {
                     let part = ClipPart::Box(moved);
                     self.turned(&field, (&full, ends[end]), || Request::MoveClip { clip: id, part });
                 }
-                ui.weak(format!("mm, {} to {}", SIDES[a][0], SIDES[a][1]));
+                ui.weak(WAYS[a]);
             });
         }
         ui.horizontal(|ui| self.take_away(ui, id, "box"));
