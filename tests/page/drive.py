@@ -263,6 +263,22 @@ def work(browser, links, program, folder, pictures):
     share = changed(before["volume"], tab.pixels("volume"))
     check(share == 0, "and the volume's picture is that of the beginning")
 
+    # A cut by a line over a slice, and closed by its row.
+    tab.run("document.querySelector('input[value=incise]').click()")
+    ends = [tab.middle("axial", (0.4, 0.4)), tab.middle("axial", (0.6, 0.45))]
+    tab.mouse("mouseMoved", ends[0], "none")
+    tab.mouse("mousePressed", ends[0])
+    tab.mouse("mouseMoved", ends[1])
+    time.sleep(0.1)
+    shown(tab, "line")
+    tab.mouse("mouseReleased", ends[1])
+    tab.until("document.getElementById('parts').innerText.includes('its lips')", "a line cuts open")
+    tab.settle()
+    shown(tab, "cut")
+    tab.run("document.querySelector('#parts button').click()")
+    tab.until("document.getElementById('parts').children.length === 0", "and its row closes it")
+    tab.run("document.querySelector('input[value=turn]').click()")
+
     # The keyboard alone: a handle at a place, moved by its row, undone.
     tab.run("document.getElementById('place').focus()")
     for letter in "32, 58, 32":

@@ -1,9 +1,11 @@
 //! What is told beside the pictures.
 
+use ivd_field::lies::Lies;
 use ivd_render::Lens;
+use ivd_session::ClipPart;
 use serde::Serialize;
 
-use crate::Pane;
+use crate::{Made, Overlay, Pane};
 
 /// A handle or a pin, and where the panes show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -45,6 +47,53 @@ pub struct Hovered {
     pub away_mm: Option<f64>,
     /// Where each pane shows the place, as shares.
     pub at: [Option<[f64; 2]>; 4],
+}
+
+/// The cut that there is.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Incision {
+    /// Its number among the steps in space.
+    pub id: u32,
+    /// Its middle (mm, RAS).
+    pub centre: [f64; 3],
+    /// Across it, of length 1.
+    pub normal: [f64; 3],
+    /// Where it ends (mm).
+    pub radius: f64,
+    /// How far its lips are apart in the middle (mm).
+    pub open: f64,
+    /// Where each pane shows the ends of its mouth, before it opens, as shares; `None` where the pane lies along it or beside it.
+    pub at: [Option<[[f64; 2]; 2]>; 4],
+}
+
+/// A plane or a box that clips.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Clipped {
+    /// What it is called by.
+    pub id: u32,
+    /// What is kept.
+    pub part: ClipPart,
+}
+
+/// A bone, and how it is moved.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Bone {
+    /// What it is called by.
+    pub id: u32,
+    /// Its name.
+    pub name: String,
+    /// Point that it turns about (mm, RAS).
+    pub pivot: [f64; 3],
+    /// Direction of its axis.
+    pub axis: [f64; 3],
+    /// How far it is turned (degrees).
+    pub angle: f64,
+    /// How far the pivot goes (mm).
+    pub by: [f64; 3],
+    /// Whether another bone carries it: then it turns and goes nowhere by itself.
+    pub carried: bool,
+    /// Whether it goes where the handles on it go.
+    pub fitted: bool,
 }
 
 /// A deformation that wasn't possible: what is shown is the last that was.
@@ -103,12 +152,18 @@ pub struct Figures {
     pub handles: Vec<Spot>,
     /// Pins.
     pub pins: Vec<Spot>,
-    /// Numbers of the bones.
-    pub bones: Vec<u32>,
+    /// Bones.
+    pub bones: Vec<Bone>,
     /// Numbers of the steps in space, an incision among them.
     pub space: Vec<u32>,
-    /// Numbers of the planes and boxes that clip the volume.
-    pub clips: Vec<u32>,
+    /// The incision.
+    pub incision: Option<Incision>,
+    /// Planes and boxes that clip the volume.
+    pub clips: Vec<Clipped>,
+    /// Where they lie.
+    pub clip_space: Lies,
+    /// Lowest and highest corner of the volume (mm, RAS).
+    pub extent: [[f64; 3]; 2],
     /// The handle that is held.
     pub held: Option<u32>,
     /// Along which pane the volume's picture is cut open.
@@ -127,6 +182,8 @@ pub struct Figures {
     pub classes: Vec<Class>,
     /// Whether something would be lost that no scene was saved of.
     pub unsaved: bool,
+    /// What colours over the slices tell of.
+    pub overlay: Option<Overlay>,
     /// Values that are black and white in slices.
     pub window: [f64; 2],
     /// What would be undone.
@@ -157,6 +214,8 @@ pub struct Figures {
     pub draw_s: f64,
     /// Why the last event wasn't followed.
     pub refused: Option<Refused>,
+    /// What the body is made of.
+    pub made: Made,
     /// What was chosen for the person.
     pub said: Vec<String>,
 }

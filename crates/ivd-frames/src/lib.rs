@@ -13,8 +13,10 @@ mod colours;
 mod error;
 mod figures;
 mod log;
+mod made;
 mod model;
 mod opening;
+mod overlay;
 mod panes;
 mod planes;
 mod queue;
@@ -26,10 +28,16 @@ mod subject;
 mod tools;
 
 pub use error::Error;
-pub use figures::{Class, Figures, Hovered, Refused, Slice, Spot};
+pub use ivd_field::clip::{Cuboid, HalfSpace};
+pub use ivd_field::lies::Lies;
+pub use ivd_session::ClipPart;
+
+pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Refused, Slice, Spot};
 pub use log::Log;
+pub use made::Made;
 pub use model::Model;
 pub use opening::{Begun, Line, Scan, Tell};
+pub use overlay::Overlay;
 pub use request::{Axis, MapName, Pane, Request, Saved};
 pub use save::File;
 pub use service::{Client, Frame, Output, Picture, Service};

@@ -200,7 +200,7 @@ impl Slices {
                 return Ok(same.clone());
             }
             let image = match self.planes.plane(pane) {
-                Some(plane) => self.planes.draw(plane, &self.volume, self.window)?,
+                Some(plane) => self.planes.draw(plane, &self.volume, self.window, |_, grey| [grey; 3])?,
                 None => Image::new(1, 1, vec![0; 4])?,
             };
             Ok::<_, Error>(Arc::new(Picture::new(pane, version, 1, image)))

@@ -79,6 +79,13 @@ impl Panes {
     /// What is left of the volume's picture where it is cut open: the side away from the viewer.
     fn clip(&self, grid: &Grid) -> Result<Option<Clip>, Error> {
         let Some(along) = self.cut else { return Ok(None) };
+        let (point, normal) = self.here(grid, along)?;
+        Ok(Some(Clip::plane(point, normal)))
+    }
+
+    /// The plane where the slices meet, along the slice of a pane, or square to the line of sight for the volume's own: a point of it, and the direction away
+    /// from the viewer.
+    pub(crate) fn here(&self, grid: &Grid, along: Pane) -> Result<([f64; 3], [f64; 3]), Error> {
         let towards_eye = Vector3::from(self.lens(grid)?.axes()[2]);
         let normal = match self.planes.plane(along) {
             None => -towards_eye,
@@ -89,7 +96,7 @@ impl Panes {
             }
         };
         let point = grid.world(VoxelCoord(self.planes.cross.into())).0;
-        Ok(Some(Clip::plane(point.into(), normal.into())))
+        Ok((point.into(), normal.into()))
     }
 
     /// The volume's picture; `coarser`: by how many its sides are divided.

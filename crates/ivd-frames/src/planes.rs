@@ -78,12 +78,20 @@ impl Planes {
         self.planes.map(|plane| voxel[plane.cut()] - self.slice(&plane, grid.dims()) as f64)
     }
 
-    /// A slice, in grey, with a pixel for every voxel.
-    pub(crate) fn draw(&self, plane: &Plane, volume: &Volume, window: Window) -> Result<Image, Error> {
+    /// A slice, with a pixel for every voxel.
+    ///
+    /// - `over`: what is made of the grey of a voxel.
+    pub(crate) fn draw(
+        &self,
+        plane: &Plane,
+        volume: &Volume,
+        window: Window,
+        over: impl Fn([usize; 3], u8) -> [u8; 3],
+    ) -> Result<Image, Error> {
         let grid = volume.grid();
         let pixel = |voxel| {
-            let grey = window.grey(volume.value(VoxelIndex(voxel)));
-            [grey, grey, grey, 255]
+            let [red, green, blue] = over(voxel, window.grey(volume.value(VoxelIndex(voxel))));
+            [red, green, blue, 255]
         };
         Ok(plane.slice(grid.dims(), self.slice(plane, grid.dims()), pixel)?)
     }

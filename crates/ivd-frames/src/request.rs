@@ -1,9 +1,12 @@
 //! What a person does in a window, as values: nothing in it names a file, and what it costs is bounded before anything is computed.
 
+use ivd_field::clip::{Cuboid, HalfSpace};
+use ivd_field::lies::Lies;
 use ivd_render::Colour;
+use ivd_session::ClipPart;
 use serde::{Deserialize, Serialize};
 
-use crate::Error;
+use crate::{Error, Overlay};
 
 /// Sides of a picture (pixels).
 const SIDES: [usize; 2] = [32, 2048];
@@ -156,6 +159,12 @@ pub enum Request {
         #[serde(default)]
         along: Option<Pane>,
     },
+    /// Colours over the slices.
+    Overlay {
+        /// What they tell of; `None` for none.
+        #[serde(default)]
+        of: Option<Overlay>,
+    },
     /// Asks what lies there.
     Hover {
         /// In which pane.
@@ -246,6 +255,24 @@ pub enum Request {
         /// How far its lips are apart in the middle.
         open: f64,
     },
+    /// Cuts open what is shown along a line that was drawn over it, straight away from whoever looks: the line is the cut's mouth.
+    Stroke {
+        /// In which pane.
+        pane: Pane,
+        /// Where the line begins.
+        from: [f64; 2],
+        /// Where it ends.
+        to: [f64; 2],
+    },
+    /// Opens the cut that there is more or less, and lets it end elsewhere; its middle stays where it is.
+    Open {
+        /// Which.
+        space: u32,
+        /// Where it ends.
+        radius: f64,
+        /// How far its lips are apart in the middle.
+        open: f64,
+    },
     /// Takes a step in space away: a cut closes.
     Close {
         /// Which.
@@ -257,6 +284,30 @@ pub enum Request {
         point: [f64; 3],
         /// Towards what is kept.
         normal: [f64; 3],
+    },
+    /// The same where the slices meet: along the slice of a pane, or square to the line of sight for the volume's own. What lies on the viewer's side goes.
+    ClipHere {
+        /// Along which.
+        along: Pane,
+    },
+    /// Keeps what lies in a box along the patient's axes.
+    ClipBox {
+        /// Its lowest corner.
+        min: [f64; 3],
+        /// Its highest.
+        max: [f64; 3],
+    },
+    /// Puts a plane or a box elsewhere.
+    MoveClip {
+        /// Which.
+        clip: u32,
+        /// What is kept now.
+        part: ClipPart,
+    },
+    /// Lets planes and boxes go with the body, or stand still.
+    ClipIn {
+        /// Where they lie.
+        space: Lies,
     },
     /// Shows again what a plane or a box has taken away.
     Unclip {
@@ -339,16 +390,26 @@ impl Request {
             | Self::Grab { at, .. }
             | Self::Pin { at, .. }
             | Self::Drag { to: at, .. } => shares("place", at),
+            Self::Stroke { from, to, .. } => shares("line", from).and_then(|()| shares("line", to)),
             Self::Radius { radius, .. } if !(*radius > 0.0 && *radius <= FARTHEST) => {
                 wrong("radius", format!("{radius} mm"), "use a positive length up to a million")
             }
-            Self::Incise { radius, open, .. } if !(*radius > 0.0 && *open >= 0.0) => {
+            Self::Incise { radius, open, .. } | Self::Open { radius, open, .. }
+                if !(*radius > 0.0 && *open >= 0.0) =>
+            {
                 wrong("cut", format!("{open} mm within {radius} mm"), "use a positive radius, and 0 or more")
             }
             Self::Incise { centre, normal, radius, open } => lengths("cut", &[*radius, *open])
                 .and_then(|()| lengths("centre", centre))
                 .and_then(|()| lengths("normal", normal)),
-            Self::Clip { point, normal } => lengths("point", point).and_then(|()| lengths("normal", normal)),
+            Self::Open { radius, open, .. } => lengths("cut", &[*radius, *open]),
+            Self::Clip { point, normal }
+            | Self::MoveClip { part: ClipPart::Plane(HalfSpace { point, normal }), .. } => {
+                lengths("point", point).and_then(|()| lengths("normal", normal))
+            }
+            Self::ClipBox { min, max } | Self::MoveClip { part: ClipPart::Box(Cuboid { min, max }), .. } => {
+                lengths("box", min).and_then(|()| lengths("box", max))
+            }
             Self::Turn { pivot, axis, angle, by, .. } => lengths("angle", &[*angle])
                 .and_then(|()| lengths("pivot", pivot))
                 .and_then(|()| lengths("axis", axis))
@@ -405,7 +466,11 @@ impl Request {
                 self.clone_from(next);
                 true
             }
-            (Self::Turn { bone, .. }, Self::Turn { bone: same, .. }) if bone == same => {
+            (Self::Turn { bone: number, .. }, Self::Turn { bone: same, .. })
+            | (Self::Open { space: number, .. }, Self::Open { space: same, .. })
+            | (Self::MoveClip { clip: number, .. }, Self::MoveClip { clip: same, .. })
+                if number == same =>
+            {
                 self.clone_from(next);
                 true
             }

@@ -21,7 +21,7 @@ use ivd_render::{
 use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
 
-use crate::{Error, Tell};
+use crate::{Error, Made, Tell};
 
 /// Vertices above which a bare scan is deformed at a coarser level.
 const MANY_VERTICES: usize = 40_000;
@@ -47,6 +47,8 @@ pub struct Subject {
     pub picture: RenderParams,
     /// What the scene asks to be moved.
     pub settings: Settings,
+    /// What the body is made of.
+    pub made: Made,
     /// What was chosen, for a person to read.
     pub said: Vec<String>,
 }
@@ -137,9 +139,10 @@ impl Subject {
             said.push(format!("level {level}, for {vertices} vertices as cut"));
         }
         let settings = settings(&scene)?;
+        let part = done.iter().find(|(id, _)| id.stage == ivd_boundary::STAGE.name);
+        let part = part.map(|(_, result)| json!(result.record.metrics));
         if is_bare {
-            let part = done.iter().find(|(id, _)| id.stage == ivd_boundary::STAGE.name);
-            let part = part.and_then(|(_, result)| part_of(&volume, &json!(result.record.metrics)));
+            let part = part.as_ref().and_then(|part| part_of(&volume, part));
             said.splice(0..0, part.into_iter().chain([material_of(&settings)]));
         }
         let asks = |key| {
@@ -150,6 +153,7 @@ impl Subject {
             said.push("drawn without ambient occlusion and shadows, which the scene keeps".to_owned());
         }
         Ok(Self {
+            made: Made::of(&scene, &settings, part.as_ref()),
             scene,
             volume,
             lattice,
@@ -354,7 +358,7 @@ fn scene_of(scene: &Scene, settings: &Settings) -> Result<Scene, Error> {
 }
 
 /// Solver and keys of masses on springs.
-fn springs(params: &ivd_motion::mass_spring::Params) -> (&'static str, Json) {
+pub(crate) fn springs(params: &ivd_motion::mass_spring::Params) -> (&'static str, Json) {
     use ivd_motion::deform::Body;
     use ivd_motion::mass_spring::{Params, Solver};
     let Params { solver, springs, closeness, descent } = params.clone();

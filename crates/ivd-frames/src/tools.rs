@@ -11,13 +11,15 @@ pub enum Tool {
     Handle,
     /// Holds what is there.
     Pin,
+    /// Cuts open along a line.
+    Incise,
     /// Brightness, contrast, colours.
     Brightness,
 }
 
 impl Tool {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Turn, Self::Handle, Self::Pin, Self::Brightness];
+    pub const ALL: [Self; 5] = [Self::Turn, Self::Handle, Self::Pin, Self::Incise, Self::Brightness];
 
     /// Its name.
     pub fn word(self) -> &'static str {
@@ -25,6 +27,7 @@ impl Tool {
             Self::Turn => "Turn",
             Self::Handle => "Handle",
             Self::Pin => "Pin",
+            Self::Incise => "Cut open",
             Self::Brightness => "Brightness",
         }
     }
@@ -35,13 +38,14 @@ impl Tool {
             Self::Turn => 't',
             Self::Handle => 'h',
             Self::Pin => 'p',
+            Self::Incise => 'i',
             Self::Brightness => 'b',
         }
     }
 }
 
 /// The keys and buttons that every window has: which, and what they do.
-pub const KEYS: [(&str, &str); 11] = [
+pub const KEYS: [(&str, &str); 12] = [
     ("Turn", "left: turn the volume, cross hair in slices"),
     ("middle, or Shift and left", "move the picture"),
     ("right, or the wheel", "zoom; in slices the wheel goes through them"),
@@ -50,13 +54,17 @@ pub const KEYS: [(&str, &str); 11] = [
         "left: take hold and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc gives up",
     ),
     ("Pin", "left: hold what is there"),
+    (
+        "Cut open",
+        "left: draw a line over the body, in a slice or in the volume: it is cut open along it, straight away from you",
+    ),
     ("Brightness", "left: in slices brightness and contrast, in the volume its colours"),
-    ("T, H, P, B", "tools"),
+    ("T, H, P, I, B", "tools"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     ("1, 3, 7, 0", "from the front, the left, the top; whole"),
     (
-        "Cut",
-        "opens the volume where the slices meet; go through slices, or put the cross hair elsewhere, to move it",
+        "Look inside",
+        "leaves out of the volume's picture what lies before the place where the slices meet; go through slices, or put the cross hair elsewhere, to move it",
     ),
     ("arrows", "turn, or go through slices"),
 ];

@@ -42,6 +42,18 @@ impl Lens {
         [self.camera.right, self.camera.up, self.camera.towards_eye].map(Into::into)
     }
 
+    /// Unit direction from a place towards the eye (RAS): the line of sight through it.
+    pub fn sight(&self, place: [f64; 3]) -> [f64; 3] {
+        let Camera { towards_eye, .. } = self.camera;
+        match self.camera.projection() {
+            Projection::Orthographic => towards_eye.into(),
+            Projection::Perspective => {
+                let eye = self.camera.centre() + towards_eye * self.camera.distance();
+                (eye - Vector3::from(place)).try_normalize(0.0).unwrap_or(towards_eye).into()
+            }
+        }
+    }
+
     /// How far apart places beside this one are that neighbouring pixels show (mm): for moving it with the pointer.
     pub fn pixel_at(&self, place: [f64; 3]) -> f64 {
         match self.camera.projection() {

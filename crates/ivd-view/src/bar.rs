@@ -8,6 +8,7 @@ use crate::dialogs::Dialog;
 use crate::keys;
 use crate::layout::Layout;
 use crate::over::name;
+use crate::system::Purpose;
 use crate::window::Window;
 
 /// The sides that one looks from, with their names.
@@ -75,7 +76,10 @@ impl Window {
     fn file_menu(&mut self, ui: &mut Ui) {
         let is_shown = self.shown.figures().is_some();
         if item(ui, true, "Open …", Some(&keys::OPEN)) {
-            self.ask_what_to_open();
+            self.ask_for(Purpose::Open { folder: false }, ui.ctx());
+        }
+        if item(ui, true, "Open a folder of slices …", None) {
+            self.ask_for(Purpose::Open { folder: true }, ui.ctx());
         }
         if item(ui, true, "Open the demo", None) {
             self.open(ivd_frames::Source::default(), ui.ctx());
@@ -85,11 +89,11 @@ impl Window {
             let (verb, keys) =
                 if what == Saved::Scene { ("Save", Some(&keys::SAVE)) } else { ("Export", None) };
             if item(ui, is_shown, &format!("{verb} {} …", what.word()), keys) {
-                self.ask_where_to_keep(what);
+                self.ask_for(Purpose::Keep(Some(what)), ui.ctx());
             }
         }
         if item(ui, self.work.is_some(), "Screenshot of the window …", None) {
-            self.ask_where_to_keep_the_window();
+            self.ask_for(Purpose::Keep(None), ui.ctx());
         }
         ui.separator();
         if item(ui, self.work.is_some(), "Close", None) {
@@ -114,7 +118,7 @@ impl Window {
         if item(ui, redo.is_some(), &named("Redo", &redo), Some(&keys::REDO)) {
             self.ask(Request::Redo);
         }
-        if item(ui, is_shown, "Take all handles and pins away", None) {
+        if item(ui, is_shown, "Take all handles, pins, cuts and bones away", None) {
             self.ask(Request::Reset);
         }
     }

@@ -8,6 +8,7 @@ use ivd_frames::{KEYS, Request, Saved, Source};
 use crate::journal::Left;
 use crate::keys::OWN;
 use crate::run::source;
+use crate::system::Purpose;
 use crate::window::Window;
 
 /// What is asked.
@@ -70,7 +71,7 @@ impl Window {
                 self.keep(what, PathBuf::from(path.trim()), replace, context);
             }
             Dialog::Unsaved(then) => {
-                self.ask_where_to_keep(Saved::Scene);
+                self.ask_for(Purpose::Keep(Some(Saved::Scene)), context);
                 self.waits = Some(then);
             }
             Dialog::Recover { left, .. } => {
@@ -105,25 +106,22 @@ impl Window {
         }
     }
 
-    /// Asks what to open.
-    pub(crate) fn ask_what_to_open(&mut self) {
-        let folder = self.layout.folder.as_ref().map(|folder| format!("{}/", folder.display()));
-        self.dialog = Some(Dialog::Open { path: folder.unwrap_or_default() });
-    }
-
-    /// Asks where to keep something.
-    pub(crate) fn ask_where_to_keep(&mut self, what: Saved) {
-        self.dialog =
-            Some(Dialog::Keep { what: Some(what), path: self.offered(what.name()), replace: false });
-    }
-
-    /// The same for a picture of the window.
-    pub(crate) fn ask_where_to_keep_the_window(&mut self) {
-        self.dialog = Some(Dialog::Keep { what: None, path: self.offered("window.png"), replace: false });
+    /// Asks for a path to be typed.
+    pub(crate) fn ask_by_typing(&mut self, purpose: Purpose) {
+        self.dialog = Some(match purpose {
+            Purpose::Open { .. } => {
+                let folder = self.layout.folder.as_ref().map(|folder| format!("{}/", folder.display()));
+                Dialog::Open { path: folder.unwrap_or_default() }
+            }
+            Purpose::Keep(what) => {
+                let path = self.offered(what.map_or("window.png", Saved::name));
+                Dialog::Keep { what, path, replace: false }
+            }
+        });
     }
 
     /// Where something is kept unless another place is said: where things were kept last, else beside the scan.
-    fn offered(&self, name: &str) -> String {
+    pub(crate) fn offered(&self, name: &str) -> String {
         let scan = self.work.as_ref().and_then(|work| work.scan.as_deref()).and_then(Path::parent);
         let folder = self.layout.folder.as_deref().or(scan);
         let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
@@ -131,7 +129,7 @@ impl Window {
     }
 
     /// Keeps something there; what is there already is asked about once.
-    fn keep(&mut self, what: Option<Saved>, path: PathBuf, replace: bool, context: &Context) {
+    pub(crate) fn keep(&mut self, what: Option<Saved>, path: PathBuf, replace: bool, context: &Context) {
         if path.exists() && !replace {
             let path = path.display().to_string();
             self.dialog = Some(Dialog::Keep { what, path, replace: true });
@@ -179,7 +177,7 @@ impl Dialog {
             }
             Self::Unsaved(_) => {
                 ui.heading("What was done here is not saved");
-                ui.label("A scene keeps it: handles, pins, stiffness, level, map, colours.");
+                ui.label("A scene keeps it: handles, pins, the cut, planes, bones, stiffness, level, map, colours.");
                 choice(ui, "Save the scene …", Some("Throw it away"))
             }
             Self::Recover { left, .. } => {

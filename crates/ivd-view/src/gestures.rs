@@ -24,6 +24,7 @@ enum Does {
     Zoom,
     Handle,
     Pin,
+    Incise,
     Brightness,
 }
 
@@ -52,6 +53,12 @@ impl Hands {
         self.press.map(|press| press.pane)
     }
 
+    /// The line that is drawn in a pane to cut along.
+    pub(crate) fn line(&self, pane: Pane) -> Option<[[f64; 2]; 2]> {
+        let press = self.press.filter(|press| press.pane == pane && press.does == Does::Incise)?;
+        Some([press.first, press.at])
+    }
+
     /// Whether a handle is held.
     pub(crate) fn hold(&self) -> bool {
         self.press.is_some_and(|press| press.does == Does::Handle)
@@ -77,6 +84,7 @@ impl Hands {
             (Button::Left, Tool::Turn) => Does::Cross,
             (Button::Left, Tool::Handle) => Does::Handle,
             (Button::Left, Tool::Pin) => Does::Pin,
+            (Button::Left, Tool::Incise) => Does::Incise,
             (Button::Left, Tool::Brightness) => Does::Brightness,
         };
         self.press = Some(Press { pane, does, button, first: at, at });
@@ -93,7 +101,7 @@ impl Hands {
         let press = self.press.as_mut()?;
         let by = [at[0] - press.at[0], at[1] - press.at[1]];
         press.at = at;
-        let (pane, within) = (press.pane, at.map(|c| c.clamp(-1.0, 2.0)));
+        let (pane, within) = (press.pane, within(at));
         let is_volume = pane == Pane::Volume;
         match press.does {
             Does::Turn => Some(Request::Orbit { by }),
@@ -106,7 +114,7 @@ impl Hands {
             Does::Brightness if is_volume => Some(Request::Transfer { by }),
             Does::Brightness => Some(Request::Window { by }),
             Does::Handle => Some(Request::Drag { to: within, lock: self.lock }),
-            Does::Pan | Does::Zoom | Does::Pin => None,
+            Does::Pan | Does::Zoom | Does::Pin | Does::Incise => None,
         }
     }
 
@@ -115,6 +123,10 @@ impl Hands {
         let Some(press) = self.press.filter(|press| press.button == button) else { return Vec::new() };
         (self.press, self.lock) = (None, None);
         let mut requests = Vec::new();
+        if press.does == Does::Incise {
+            let [from, to] = [press.first, press.at].map(within);
+            requests.push(Request::Stroke { pane: press.pane, from, to });
+        }
         if press.does == Does::Handle {
             requests.push(Request::Drop);
             // Seen from outside alone it would not be seen in any slice.
@@ -161,6 +173,11 @@ impl Hands {
             (steps, false) => Some(Request::Slice { pane, steps }),
         }
     }
+}
+
+/// The place that a drag has come to, no further than requests may name.
+fn within(at: [f64; 2]) -> [f64; 2] {
+    at.map(|c| c.clamp(-1.0, 2.0))
 }
 
 /// The points of a step of the wheel.
@@ -215,6 +232,20 @@ mod tests {
         assert_eq!((wheel(&mut hands), wheel(&mut hands)), (None, Some(Request::Wheel { steps: 1 })));
         assert_eq!(hands.give_up(), Some(Request::Abandon));
         assert!(hands.released(Button::Left, None).is_empty() && hands.moved([0.5; 2]).is_none());
+    }
+
+    #[test]
+    fn a_line_is_a_cut_once_it_is_let_go_of() {
+        let mut hands = Hands::default();
+        assert_eq!(hands.pressed(Pane::Coronal, [0.2, 0.3], Button::Left, false, Tool::Incise), None);
+        assert_eq!(hands.moved([0.4, 9.0]), None);
+        assert_eq!(hands.line(Pane::Coronal), Some([[0.2, 0.3], [0.4, 9.0]]));
+        assert_eq!(hands.line(Pane::Axial), None);
+        let cut = Request::Stroke { pane: Pane::Coronal, from: [0.2, 0.3], to: [0.4, 2.0] };
+        assert_eq!((hands.released(Button::Left, None), hands.line(Pane::Coronal)), (vec![cut], None));
+        hands.pressed(Pane::Coronal, [0.2, 0.3], Button::Left, false, Tool::Incise);
+        assert_eq!(hands.give_up(), None);
+        assert!(hands.released(Button::Left, None).is_empty(), "Esc gives it up");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use ivd_render::Side;
 
 use crate::bar::quit;
 use crate::dialogs::Dialog;
+use crate::system::Purpose;
 use crate::window::Window;
 
 pub(crate) const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
@@ -42,10 +43,10 @@ impl Window {
         }
         let shortcut = |keys: &KeyboardShortcut| context.input_mut(|input| input.consume_shortcut(keys));
         if shortcut(&OPEN) {
-            self.ask_what_to_open();
+            self.ask_for(Purpose::Open { folder: false }, context);
         }
         if shortcut(&SAVE) && self.work.is_some() {
-            self.ask_where_to_keep(Saved::Scene);
+            self.ask_for(Purpose::Keep(Some(Saved::Scene)), context);
         }
         if shortcut(&QUIT) {
             quit(context);

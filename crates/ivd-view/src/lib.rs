@@ -6,7 +6,10 @@
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
 
 mod bar;
+mod bones;
 mod classes;
+mod clips;
+mod cut;
 mod dialogs;
 mod error;
 mod files;
@@ -16,6 +19,7 @@ mod inbox;
 mod journal;
 mod keys;
 mod layout;
+mod made;
 mod opened;
 mod over;
 mod pane;
@@ -24,9 +28,11 @@ mod run;
 mod shown;
 mod side;
 mod status;
+mod system;
 mod window;
 mod work;
 
 pub use error::Error;
 pub use run::{Options, run, source};
+pub use system::{Chooser, Choosing, Kind, Wanted};
 pub use window::Window;

@@ -61,8 +61,9 @@ impl Window {
     /// Nothing is shown.
     pub(crate) fn clear(&mut self) {
         (self.shown, self.hands) = (Shown::default(), Hands::default());
-        (self.turning, self.word, self.waits) = (None, None, None);
+        (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
+        self.wish = None;
         self.asked = None;
         self.size = ([0; 2], 0.0, true);
         self.lost = false;

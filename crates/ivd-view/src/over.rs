@@ -1,7 +1,7 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
-use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2, vec2};
-use ivd_frames::{Figures, Pane, Spot, Tool};
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
+use ivd_frames::{Figures, Overlay, Pane, Spot, Tool};
 
 use crate::shown::Shown;
 
@@ -9,12 +9,17 @@ const CROSS: Color32 = Color32::from_rgba_premultiplied(63, 139, 106, 170);
 const HANDLE: Color32 = Color32::from_rgb(255, 180, 84);
 const HELD: Color32 = Color32::from_rgb(255, 212, 121);
 const PIN: Color32 = Color32::from_rgb(108, 182, 255);
+const CUT: Color32 = Color32::from_rgb(245, 245, 245);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
 const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
 /// Slices from which on a handle is faint in a slice.
 const BESIDE: f64 = 2.0;
 /// Of what is written over pictures (points).
 const LETTERS: f32 = 13.0;
+
+/// Width and height of what tells colours apart (points), and into how many it is divided.
+const LEGEND: Vec2 = vec2(100.0, 8.0);
+const SHADES: usize = 25;
 
 /// What is drawn over a pane.
 pub(crate) struct Over<'a> {
@@ -25,6 +30,8 @@ pub(crate) struct Over<'a> {
     pub(crate) room: Rect,
     pub(crate) shown: &'a Shown,
     pub(crate) tool: Tool,
+    /// The line that is drawn to cut along.
+    pub(crate) line: Option<[[f64; 2]; 2]>,
 }
 
 impl Over<'_> {
@@ -33,6 +40,8 @@ impl Over<'_> {
         self.cross_hair();
         if let Some(figures) = self.shown.figures() {
             self.spots(figures);
+            self.cut(figures);
+            self.legend(figures);
         }
         self.letters();
         self.bar();
@@ -102,6 +111,49 @@ impl Over<'_> {
             self.ring(at, 3.0, Color32::WHITE, 1.0);
             self.ring(at, figures.radius as f32 * scale, Color32::WHITE.gamma_multiply(0.35), 1.0);
         }
+    }
+
+    /// The mouth of the cut that there is, while another may be drawn, and the line that is drawn with its length.
+    fn cut(&self, figures: &Figures) {
+        let mouth = figures.incision.as_ref().and_then(|cut| cut.at[self.pane.number()]);
+        // Over the volume one that lies within would seem to lie on its skin.
+        let is_slice = self.pane != Pane::Volume;
+        if let Some(ends) = mouth.filter(|_| is_slice && self.tool == Tool::Incise && self.line.is_none()) {
+            let ends = ends.map(|end| self.place(end));
+            self.painter.extend(Shape::dashed_line(
+                &ends,
+                Stroke::new(1.0, CUT.gamma_multiply(0.7)),
+                4.0,
+                5.0,
+            ));
+        }
+        let (Some(line), Some(scale)) = (self.line, self.scale()) else { return };
+        let [from, to] = line.map(|end| self.place(end));
+        self.painter.line_segment([from, to], Stroke::new(4.0, Color32::BLACK.gamma_multiply(0.6)));
+        self.painter.line_segment([from, to], Stroke::new(2.0, CUT));
+        let length = format!("{:.0} mm", from.distance(to) / scale);
+        self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, CUT);
+    }
+
+    /// What the colours over a slice mean.
+    fn legend(&self, figures: &Figures) {
+        let Some(of) = figures.overlay.filter(|_| self.pane != Pane::Volume) else { return };
+        let corner = self.rect.left_bottom() + vec2(6.0, -38.0);
+        let bar = Rect::from_min_size(corner, LEGEND);
+        let step = LEGEND.x / SHADES as f32;
+        for shade in 0..SHADES {
+            let [red, green, blue] = of.colour((shade as f64 + 0.5) / SHADES as f64);
+            let part = Rect::from_min_size(corner + vec2(step * shade as f32, 0.0), vec2(step, LEGEND.y));
+            self.painter.rect_filled(part, 0.0, Color32::from_rgb(red, green, blue));
+        }
+        let [low, high] = of.scale(figures.largest_mm);
+        let unit = match of {
+            Overlay::Motion => "mm",
+            Overlay::Volume => "times the volume",
+        };
+        let high = (high * 1e6).round() / 1e6;
+        let told = format!("{low} to {high} {unit}");
+        self.write(bar.left_top() - vec2(0.0, 2.0), Align2::LEFT_BOTTOM, told, LETTERS, TEXT);
     }
 
     fn letters(&self) {

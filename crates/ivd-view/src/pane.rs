@@ -2,8 +2,8 @@
 
 use egui::accesskit::Role;
 use egui::{
-    Color32, Event, EventFilter, Key, MouseWheelUnit, PointerButton, Pos2, Rect, Response, Sense, Ui,
-    WidgetInfo, pos2, vec2,
+    Color32, CursorIcon, Event, EventFilter, Key, MouseWheelUnit, PointerButton, Pos2, Rect, Response, Sense,
+    Ui, WidgetInfo, pos2, vec2,
 };
 use ivd_frames::{Pane, Request, Tool};
 
@@ -63,7 +63,11 @@ impl Window {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(texture.id(), room, whole, Color32::WHITE);
         }
-        Over { painter: &painter, pane, rect, room, shown: &self.shown, tool: self.tool }.draw();
+        let line = self.hands.line(pane);
+        Over { painter: &painter, pane, rect, room, shown: &self.shown, tool: self.tool, line }.draw();
+        if self.tool == Tool::Incise && response.hovered() {
+            ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
+        }
         if response.has_focus() {
             let stroke = ui.visuals().selection.stroke;
             painter.rect_stroke(rect, 0.0, stroke, egui::StrokeKind::Inside);

@@ -62,7 +62,7 @@ impl Window {
             self.kept(what, kept, context);
         }
         if let Some(error) = failed {
-            self.ended(&error);
+            self.ended(&error, context);
         }
     }
 
@@ -85,7 +85,7 @@ impl Window {
     }
 
     /// The service has ended.
-    fn ended(&mut self, error: &Arc<ivd_frames::Error>) {
+    fn ended(&mut self, error: &Arc<ivd_frames::Error>, context: &Context) {
         let had_frames = self.shown.figures().is_some();
         let left = self.work.take();
         self.clear();
@@ -103,10 +103,17 @@ impl Window {
                 &format!("{error}. Open it once more to go on from its last step."),
             );
         } else {
+            let of = left.as_ref().map(|work| work.source.clone());
             if let Some(work) = left {
                 work.close();
             }
-            self.failed("This can't be opened", &error.to_string());
+            match self.before.take().filter(|[again, _]| of.as_ref() == Some(again)) {
+                Some([_, before]) => {
+                    self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
+                    self.begin(&before, None, context);
+                }
+                None => self.failed("This can't be opened", &error.to_string()),
+            }
         }
     }
 

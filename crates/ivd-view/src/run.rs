@@ -10,7 +10,7 @@ use ivd_core::Exec;
 use ivd_frames::Source;
 
 use crate::layout::{Layout, state_folder};
-use crate::{Error, Window};
+use crate::{Chooser, Error, Window};
 
 /// How often it is looked whether the user has interrupted.
 const LOOK: Duration = Duration::from_millis(100);
@@ -24,12 +24,14 @@ pub struct Options {
     pub cache: Arc<Cache>,
     /// Where the layout and the logs of sessions lie, which go on after a crash; `None` keeps neither.
     pub folder: Option<PathBuf>,
+    /// What asks for paths.
+    pub chooser: Chooser,
 }
 
 impl Options {
     /// With the system's usual folder for what programs keep.
     pub fn new(exec: Exec, cache: Cache) -> Self {
-        Self { exec, cache: Arc::new(cache), folder: state_folder() }
+        Self { exec, cache: Arc::new(cache), folder: state_folder(), chooser: Chooser::system() }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The panel beside the pictures: what moves and how, classes, what was noted.
 
 use egui::{CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui};
-use ivd_frames::{Figures, MapName, Pane, Request};
+use ivd_frames::{Figures, MapName, Overlay, Pane, Request};
 
 use crate::over::name;
 use crate::window::Window;
@@ -20,7 +20,13 @@ impl Window {
                 ui.separator();
                 self.handles(ui, &figures);
                 ui.separator();
+                self.incision(ui, &figures);
+                ui.separator();
+                self.clips(ui, &figures);
+                ui.separator();
+                self.bones(ui, &figures);
                 self.classes(ui, &figures);
+                self.made_of(ui, &figures);
             }
             let notes = self.notes.clone();
             if !notes.is_empty() {
@@ -63,23 +69,26 @@ impl Window {
     fn motion(&mut self, ui: &mut Ui, figures: &Figures) {
         let widest = self.extent_mm().max(1.0);
         let mut radius = self.value("Radius", figures.radius);
-        for response in slider(ui, "Radius", "mm", &mut radius, 0.5..=widest, true) {
+        for response in slider(ui, "Radius", "mm", &mut radius, 0.5..=widest, Scale::Ratios) {
             let handle = figures.held;
             let request = || Request::Radius { handle, radius: radius.max(1e-3) };
             self.turned(&response, ("Radius", radius), request);
         }
         let mut stiffness = self.value("Stiffness", figures.stiffness);
-        for response in slider(ui, "Stiffness", "N/m", &mut stiffness, 1e-2..=STIFFEST, true) {
+        for response in slider(ui, "Stiffness", "N/m", &mut stiffness, 1e-2..=STIFFEST, Scale::Ratios) {
             let request = || Request::Stiffness { stiffness };
             self.turned(&response, ("Stiffness", stiffness), request);
         }
         let mut level = self.value("Level", f64::from(figures.level));
-        for response in slider(ui, "Level", "of the lattice", &mut level, 0.0..=f64::from(LEVELS), false) {
+        for response in
+            slider(ui, "Level", "of the lattice", &mut level, 0.0..=f64::from(LEVELS), Scale::Whole)
+        {
             let request = || Request::Level { level: level.round() as u8 };
             self.turned(&response, ("Level", level), request);
         }
         self.follow(ui, figures);
-        self.cut(ui, figures);
+        self.look_inside(ui, figures);
+        self.colours_over(ui, figures);
     }
 
     /// How the voxels follow.
@@ -97,14 +106,14 @@ impl Window {
         );
     }
 
-    /// Where the volume is cut open.
-    fn cut(&mut self, ui: &mut Ui, figures: &Figures) {
+    /// Where the volume's picture is open: nothing of the volume goes by it.
+    fn look_inside(&mut self, ui: &mut Ui, figures: &Figures) {
         let word = |along: Option<Pane>| match along {
             None => "not".to_owned(),
             Some(Pane::Volume) => "facing me".to_owned(),
             Some(slice) => name(slice).to_lowercase(),
         };
-        ComboBox::from_label("Cut").selected_text(word(figures.cut)).show_ui(ui, |ui| {
+        ComboBox::from_label("Look inside").selected_text(word(figures.cut)).show_ui(ui, |ui| {
             let slices = Pane::ALL.into_iter().filter(|pane| *pane != Pane::Volume).map(Some);
             for along in [None].into_iter().chain(slices).chain([Some(Pane::Volume)]) {
                 if ui.selectable_label(figures.cut == along, word(along)).clicked() {
@@ -114,33 +123,57 @@ impl Window {
         });
     }
 
+    /// What colours over the slices tell of.
+    fn colours_over(&mut self, ui: &mut Ui, figures: &Figures) {
+        let word = |of: Option<Overlay>| of.map_or("nothing", Overlay::word);
+        ComboBox::from_label("Colours over slices").selected_text(word(figures.overlay)).show_ui(ui, |ui| {
+            for of in [None].into_iter().chain(Overlay::ALL.map(Some)) {
+                if ui.selectable_label(figures.overlay == of, word(of)).clicked() {
+                    self.ask(Request::Overlay { of });
+                }
+            }
+        });
+    }
+
     /// The longest side of the scan (mm).
-    fn extent_mm(&self) -> f64 {
+    pub(crate) fn extent_mm(&self) -> f64 {
         let slices = self.shown.slices();
         slices.into_iter().flatten().flat_map(|slice| slice.extent_mm).fold(0.0, f64::max)
     }
 }
 
+/// How a slider goes from one end to the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Scale {
+    /// By whole numbers.
+    Whole,
+    /// By as much everywhere.
+    Even,
+    /// By as many times everywhere.
+    Ratios,
+}
+
 /// A slider with a field beside it, each with a name of its own.
-fn slider(
+pub(crate) fn slider(
     ui: &mut Ui,
     name: &str,
     unit: &str,
     value: &mut f64,
     range: std::ops::RangeInclusive<f64>,
-    logarithmic: bool,
+    scale: Scale,
 ) -> [Response; 2] {
-    let whole = !logarithmic;
+    let whole = scale == Scale::Whole;
     ui.label(format!("{name} ({unit})"));
     ui.horizontal(|ui| {
         let slider = Slider::new(value, range.clone())
-            .logarithmic(logarithmic)
+            .logarithmic(scale == Scale::Ratios)
             .step_by(if whole { 1.0 } else { 0.0 })
             .clamping(SliderClamping::Never)
             .show_value(false);
         let slid = ui.add(slider).accessible_name(name);
+        let least = if *range.start() < 0.0 { -1e6 } else { 0.0 };
         let field = DragValue::new(value)
-            .range(0.0..=1e6)
+            .range(least..=1e6)
             .speed(if whole { 0.05 } else { 0.01 * range.end().min(100.0) })
             .max_decimals(if whole { 0 } else { 2 });
         [slid, ui.add(field.update_while_editing(false)).accessible_name(format!("{name}, as a number"))]

@@ -8,10 +8,12 @@ use crate::dialogs::{Dialog, Then};
 use crate::files;
 use crate::gestures::Hands;
 use crate::layout::Layout;
+use crate::made::Wish;
 use crate::pane::places;
 use crate::received::Word;
 use crate::run::Options;
 use crate::shown::Shown;
+use crate::system::{Asked, Purpose};
 use crate::work::Work;
 
 /// A picture of this many pixels is drawn soon enough; more are left to the screen.
@@ -28,10 +30,16 @@ pub struct Window {
     pub(crate) hands: Hands,
     pub(crate) layout: Layout,
     pub(crate) dialog: Option<Dialog>,
+    /// The system's dialog that is shown.
+    pub(crate) chooses: Option<Asked>,
     /// What waits until something is kept.
     pub(crate) waits: Option<Then>,
     /// A slider or field that is held, and its value.
     pub(crate) turning: Option<(String, f64)>,
+    /// What the body is to be made of.
+    pub(crate) wish: Option<Wish>,
+    /// What is made again, and what was open before it, to go back to.
+    pub(crate) before: Option<[Source; 2]>,
     /// Of a new handle, as it is typed.
     pub(crate) place: String,
     /// Where a picture of the window goes, and from which pass on it is taken.
@@ -60,8 +68,11 @@ impl Window {
             hands: Hands::default(),
             layout,
             dialog: None,
+            chooses: None,
             waits: None,
             turning: None,
+            wish: None,
+            before: None,
             place: String::new(),
             photograph: None,
             notes: Vec::new(),
@@ -90,6 +101,7 @@ impl Window {
             self.open(source, &context);
         }
         self.receive(&context);
+        self.chosen(&context);
         self.dropped(&context);
         self.keys(&context);
         Panel::top("bar").show(ui, |ui| self.bar(ui));
@@ -113,7 +125,7 @@ impl Window {
                     ui.add_space(0.35 * rect.height());
                     ui.heading("Drop a scan or a scene here");
                     if ui.button("Open a file …").clicked() {
-                        self.ask_what_to_open();
+                        self.ask_for(Purpose::Open { folder: false }, ui.ctx());
                     }
                     if ui.button("Try the demo").on_hover_text("A generated head with a handle").clicked() {
                         self.open(Source::default(), ui.ctx());

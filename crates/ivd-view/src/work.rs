@@ -22,6 +22,8 @@ pub(crate) struct Work {
     service: Option<Service>,
     cancel: Cancel,
     pub(crate) shared: Shared,
+    /// How it was opened, to be opened once more.
+    pub(crate) source: Source,
     /// What was opened; `None` for the demo.
     pub(crate) of: Option<PathBuf>,
     /// Where the scan lies.
@@ -51,6 +53,11 @@ impl Work {
             Some(left) => left.of.clone(),
             None => source.file.as_deref().map(absolute),
         };
+        let again = match &left {
+            // The log that was left over goes.
+            Some(left) => Source { file: left.of.clone(), ..Source::default() },
+            None => source.clone(),
+        };
         let shared = Shared::new(context.clone());
         let mut exec = options.exec.clone();
         exec.cancel = Cancel::default();
@@ -78,7 +85,7 @@ impl Work {
             Ok(Begun { entries, line, model: Model::new(subject, SIZE, its)? })
         };
         let service = Service::start(open, exec, move |output| to.take(output))?;
-        Ok(Self { service: Some(service), cancel, shared, of, scan, journal, left })
+        Ok(Self { service: Some(service), cancel, shared, source: again, of, scan, journal, left })
     }
 
     /// Asks the service.

@@ -1,8 +1,10 @@
 //! A session with what a window shows of it: requests change it, and it says which panes that touches.
 
+mod clips;
 mod hand;
 mod looks;
 mod parts;
+mod stroke;
 mod told;
 
 use std::time::{Duration, Instant};
@@ -18,7 +20,7 @@ use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Error, MapName, Pane, Request, Subject};
+use crate::{Error, MapName, Overlay, Pane, Request, Subject};
 
 /// A solve that takes longer is refused: a window that doesn't answer is worse.
 const MOST_WORK: Duration = Duration::from_secs(15);
@@ -35,6 +37,7 @@ pub struct Model {
     /// What was kept last: settings, and how classes look.
     kept: (Settings, looks::Looks),
     window: Window,
+    overlay: Option<Overlay>,
     first_window: Window,
     /// Of the next handle (mm).
     radius: f64,
@@ -97,6 +100,7 @@ impl Model {
             transfer,
             turned: Turned::NONE,
             window,
+            overlay: None,
             first_window: window,
             radius: if largest > 0.0 { largest } else { (0.15 * side).max(f64::MIN_POSITIVE) },
             drag: None,
@@ -234,6 +238,11 @@ impl Model {
                 self.touch(&[Pane::Volume]);
                 Ok(())
             }
+            Request::Overlay { of } => {
+                self.overlay = *of;
+                self.touch(&Pane::ALL[1..]);
+                Ok(())
+            }
             Request::Hover { pane, at } => {
                 self.hovered = self.hover(*pane, *at)?;
                 Ok(())
@@ -283,11 +292,16 @@ impl Model {
                 self.apply(Event::Pin { id: None, pin })
             }
             Request::Release { fix } => self.apply(Event::Release { fix: *fix }),
-            Request::Incise { .. }
-            | Request::Close { .. }
-            | Request::Clip { .. }
-            | Request::Unclip { .. }
-            | Request::Turn { .. } => self.change_part(request),
+            Request::Stroke { pane, from, to } => self.stroke(*pane, *from, *to),
+            Request::Clip { .. }
+            | Request::ClipHere { .. }
+            | Request::ClipBox { .. }
+            | Request::MoveClip { .. }
+            | Request::ClipIn { .. }
+            | Request::Unclip { .. } => self.change_clip(request),
+            Request::Incise { .. } | Request::Open { .. } | Request::Close { .. } | Request::Turn { .. } => {
+                self.change_part(request)
+            }
             Request::Undo => {
                 self.let_go()?;
                 let exec = self.in_time();
@@ -385,6 +399,10 @@ impl Model {
                 .collect();
             self.touch(&cut);
             self.touch(&[Pane::Volume]);
+            if self.overlay.is_some() {
+                // Its scale goes with the longest motion.
+                self.touch(&Pane::ALL[1..]);
+            }
         }
         self.refused = None;
         self.find_spots()
@@ -499,7 +517,11 @@ impl Model {
     pub fn draw(&self, pane: Pane, coarser: usize, exec: &Exec) -> Result<Image, Error> {
         let volume = self.session.deformed();
         match self.panes.planes.plane(pane) {
-            Some(plane) => self.panes.planes.draw(plane, volume, self.window),
+            Some(plane) => self.panes.planes.draw(plane, volume, self.window, |voxel, grey| {
+                let largest_mm = self.session.last().largest_mm;
+                let colour = |of: Overlay| of.over(self.session.displacement(), largest_mm, voxel, grey);
+                self.overlay.map_or([grey; 3], colour)
+            }),
             None => self.panes.draw(volume, self.transfer.as_ref(), coarser, exec),
         }
     }

@@ -1,14 +1,11 @@
-//! Cuts, clips and bones.
+//! Cuts and bones.
 
 use ivd_core::Grid;
-use ivd_field::clip::HalfSpace;
-use ivd_field::lies::Lies;
 use ivd_map::space::{Cut, Step};
 use ivd_motion::rigid::RigidTransform;
-use ivd_session::{ClipPart, Event, Id, Settings};
+use ivd_session::{Event, Id, Settings};
 
-use super::{Model, no_more_than};
-use crate::request::MOST_HANDLES;
+use super::Model;
 use crate::{Error, Request};
 
 /// Fraction of a new cut's radius within which it opens whole.
@@ -44,7 +41,7 @@ fn check_cut(grid: &Grid, settings: &Settings) -> Result<(), Error> {
 }
 
 /// The cut that there is, and its number.
-fn cut_of(settings: &Settings) -> Option<(Id, Cut)> {
+pub(super) fn cut_of(settings: &Settings) -> Option<(Id, Cut)> {
     settings.space.iter().find_map(|one| match &one.what {
         Step::Cut(cut) => Some((one.id, *cut)),
         _ => None,
@@ -64,12 +61,14 @@ impl Model {
         settings.after(event).map_or(Ok(()), |next| check_cut(self.session.rest().grid(), &next))
     }
 
-    /// Follows a request about a part of the settings that isn't a handle.
+    /// What is held stays one step by itself; a slider that is held goes on.
+    pub(super) fn let_go_of_handles(&mut self) -> Result<(), Error> {
+        if self.adjusts { Ok(()) } else { self.let_go() }
+    }
+
+    /// Follows a request about a cut or a bone.
     pub(super) fn change_part(&mut self, request: &Request) -> Result<(), Error> {
-        // What is held stays one step by itself; a slider that is held goes on.
-        if !self.adjusts {
-            self.let_go()?;
-        }
+        self.let_go_of_handles()?;
         match *request {
             Request::Incise { centre, normal, radius, open } => {
                 let settings = self.session.settings();
@@ -92,21 +91,17 @@ impl Model {
                     None => self.apply(Event::Space { id: None, step }),
                 }
             }
-            Request::Close { space } => self.apply(Event::RemoveSpace { space }),
-            Request::Clip { point, normal } => {
-                let clip = &self.session.settings().clip;
-                if clip.rule.invert || clip.rule.space == Some(Lies::Rest) {
-                    return Err(Error::Request {
-                        what: "clip",
-                        problem: "the scene's planes and boxes throw away what lies within them, or lie in the body at rest"
-                            .to_owned(),
-                        remedy: "take them away first",
-                    });
+            Request::Open { space, radius, open } => match cut_of(self.session.settings()) {
+                Some((there, cut)) if there == space => {
+                    self.apply(Event::SetSpace { space, step: Step::Cut(Cut { radius, open, ..cut }) })
                 }
-                no_more_than(MOST_HANDLES, clip.parts.len())?;
-                self.apply(Event::Clip { id: None, part: ClipPart::Plane(HalfSpace { point, normal }) })
-            }
-            Request::Unclip { clip } => self.apply(Event::Unclip { clip }),
+                _ => Err(Error::Request {
+                    what: "cut",
+                    problem: format!("there is none of number {space}"),
+                    remedy: "cut open first",
+                }),
+            },
+            Request::Close { space } => self.apply(Event::RemoveSpace { space }),
             Request::Turn { bone, pivot, axis, angle, by } => {
                 self.apply(Event::Turn { bone, to: RigidTransform { pivot, axis, angle, by } })
             }

@@ -1,10 +1,13 @@
 //! The figures of a model.
 
 use ivd_core::VoxelCoord;
-use ivd_session::{MapChoice, Physics};
+use ivd_field::lies::Lies;
+use ivd_motion::deform;
+use ivd_motion::rigid::RigidTransform;
+use ivd_session::{MapChoice, Numbered, Physics};
 
 use super::Model;
-use crate::figures::{Figures, letters};
+use crate::figures::{Bone, Clipped, Figures, letters};
 use crate::planes::value_at;
 
 impl Figures {
@@ -32,9 +35,12 @@ impl Figures {
             letters: lettered.then(|| letters(&model.lens)),
             handles: model.spots.clone(),
             pins: model.pins.clone(),
-            bones: settings.bones.iter().map(|one| one.id).collect(),
+            bones: settings.bones.iter().map(|one| bone(model, one)).collect(),
             space: settings.space.iter().map(|one| one.id).collect(),
-            clips: settings.clip.parts.iter().map(|one| one.id).collect(),
+            incision: model.incision(),
+            clips: settings.clip.parts.iter().map(|one| Clipped { id: one.id, part: one.what }).collect(),
+            clip_space: settings.clip.rule.space.unwrap_or(Lies::Deformed),
+            extent: grid.extent(),
             held: model.drag.map(|drag| drag.handle),
             cut: panes.cut,
             cross,
@@ -44,6 +50,7 @@ impl Figures {
             slices: panes.planes.told(grid),
             classes: model.classes(),
             unsaved: model.is_unsaved(),
+            overlay: model.overlay,
             window: [model.window.low, model.window.high],
             undo: session.steps().last().map(|step| step.name.clone()),
             redo: session.undone().map(|step| step.name.clone()),
@@ -59,7 +66,25 @@ impl Figures {
             times: [last.times.solve, last.times.map, last.times.warp],
             draw_s: 0.0,
             refused: model.refused.clone(),
+            made: model.subject.made.clone(),
             said: model.subject.said.clone(),
         }
+    }
+}
+
+/// A bone; one without a point to turn about turns about its own middle.
+fn bone(model: &Model, one: &Numbered<deform::Bone>) -> Bone {
+    let told = &one.what;
+    let [low, high] = model.session.rest().grid().extent();
+    let middle = std::array::from_fn(|a| f64::midpoint(low[a], high[a]));
+    Bone {
+        id: one.id,
+        name: told.name.clone().unwrap_or_else(|| one.id.to_string()),
+        pivot: told.pivot.or(told.ball().0).unwrap_or(middle),
+        axis: told.axis.unwrap_or(RigidTransform::NONE.axis),
+        angle: told.angle.unwrap_or(0.0),
+        by: told.by.unwrap_or([0.0; 3]),
+        carried: told.parent.is_some(),
+        fitted: told.fit,
     }
 }

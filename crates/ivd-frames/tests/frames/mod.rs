@@ -2,6 +2,7 @@
 
 mod common;
 mod gestures;
+mod parts;
 mod scenes;
 mod scripts;
 mod service;

@@ -6,7 +6,7 @@ use ivd_artefact::Cache;
 use ivd_core::{Displacement, Exec, Value as _, Volume};
 use ivd_field::lies::Lies;
 use ivd_field::shape::{Kind, Shape};
-use ivd_frames::{Axis, MapName, Model, Pane, Request, Saved};
+use ivd_frames::{Axis, ClipPart, Cuboid, HalfSpace, MapName, Model, Pane, Request, Saved};
 use ivd_map::space::Step;
 use ivd_pipeline::plan::Plan;
 use ivd_pipeline::scene::{Loaded, parse};
@@ -55,7 +55,7 @@ fn place(draw: &mut Draw) -> [f64; 2] {
 }
 
 /// A scene in which there is a bone, so that masses are on springs.
-const BONED: &str = r#"
+pub(crate) const BONED: &str = r#"
 [deform]
 solver = "projective"
 tolerance = 0.01
@@ -146,18 +146,26 @@ fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
             let centre = [0, 1, 2].map(|_| 16.0 + 6.0 * (draw.unit() - 0.5));
             let normal = [draw.unit() + 0.1, draw.unit() - 0.5, draw.unit() - 0.5];
             let cut = Request::Incise { centre, normal, radius: 8.0, open: 2.0 * draw.unit() };
-            match draw.below(3) {
-                0 => vec![Request::Close { space: draw.below(4) as u32 }, cut],
-                _ => vec![cut],
+            let space = draw.below(4) as u32;
+            match draw.below(5) {
+                0 => vec![Request::Close { space }, cut],
+                1 => vec![cut],
+                2 => vec![cut, Request::Open { space, radius: 7.0, open: 2.0 * draw.unit() }],
+                _ => vec![Request::Stroke { pane, from: place(draw), to: place(draw) }],
             }
         }
         "clip" => {
             let point = [0, 1, 2].map(|_| 16.0 + 8.0 * (draw.unit() - 0.5));
             let normal = [draw.unit() - 0.5, draw.unit() - 0.5, 0.1];
             let clip = draw.below(3) as u32;
-            match draw.below(2) {
+            let cuboid = Cuboid { min: point.map(|c| c - 12.0), max: point.map(|c| c + 9.0) };
+            let part = [ClipPart::Plane(HalfSpace { point, normal }), ClipPart::Box(cuboid)][draw.below(2)];
+            match draw.below(5) {
                 0 => vec![Request::Clip { point, normal }, Request::Unclip { clip }],
-                _ => vec![Request::Clip { point, normal }],
+                1 => vec![Request::Clip { point, normal }],
+                2 => vec![Request::ClipHere { along: pane }, Request::MoveClip { clip, part }],
+                3 => vec![Request::ClipBox { min: cuboid.min, max: cuboid.max }],
+                _ => vec![Request::ClipIn { space: [Lies::Rest, Lies::Deformed][draw.below(2)] }],
             }
         }
         "bone" => vec![Request::Turn {

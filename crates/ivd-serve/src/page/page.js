@@ -153,6 +153,7 @@ function listHandles() {
       if (document.activeElement !== field) field.value = Number((one.with ?? one.by)[a].toFixed(3));
     });
   }
+  listParts();
   const pins = JSON.stringify(figures.pins.map((pin) => [pin.id, pin.rest, pin.radius]));
   // Made anew only where they change: what has the keyboard's focus keeps it.
   if ($("pins").dataset.pins === pins) return;
@@ -163,6 +164,29 @@ function listHandles() {
     release.setAttribute("aria-label", `Release pin ${pin.id}`);
     release.addEventListener("click", () => send({ do: "release", fix: pin.id }));
     item.append(`pin ${pin.id}: ${few(pin.radius, 1)} mm about ${pin.rest.map((c) => few(c, 1)).join(", ")} `, release);
+    return item;
+  }));
+}
+
+// The cut, other steps in space, planes and boxes that clip: what each is, and how to be rid of it.
+function listParts() {
+  const cut = figures.incision;
+  const all = figures.space.map((id) => id === cut?.id
+    ? { text: `cut of ${few(2 * cut.radius, 1)} mm, its lips ${few(cut.open, 1)} mm apart`, name: "Close the cut", request: { do: "close", space: id } }
+    : { text: `step in space ${id}`, name: `Remove step ${id}`, request: { do: "close", space: id } });
+  for (const { id, part } of figures.clips) {
+    const what = part.box ? "box" : "plane";
+    all.push({ text: `${what} ${id} that clips`, name: `Take ${what} ${id} away`, request: { do: "unclip", clip: id } });
+  }
+  const parts = JSON.stringify(all);
+  if ($("parts").dataset.parts === parts) return;
+  $("parts").dataset.parts = parts;
+  $("parts").replaceChildren(...all.map(({ text, name, request }) => {
+    const item = document.createElement("li");
+    const remove = Object.assign(document.createElement("button"), { textContent: "×", title: name });
+    remove.setAttribute("aria-label", name);
+    remove.addEventListener("click", () => send(request));
+    item.append(`${text} `, remove);
     return item;
   }));
 }
@@ -243,6 +267,17 @@ function over(context, name, number, place, scale, canvas) {
   if (hovered && figures.held == null && tool() === "handle" && hovered.vertex) {
     const at = place(hovered.at[number]);
     if (at) { ring(at, 3 * unit, "#fff"); ring(at, figures.radius * scale, "#ffffff55"); }
+  }
+  // The mouth of the cut while another may be drawn; the line that is drawn, with its length.
+  const drawn = press?.does === "incise" && press.name === name ? [press.first, press.at] : null;
+  const mouth = drawn ?? (number && tool() === "incise" ? figures.incision?.at[number] : null);
+  if (mouth) {
+    const [from, to] = mouth.map(place);
+    context.strokeStyle = context.fillStyle = "#f5f5f5"; context.lineWidth = 2 * unit;
+    context.setLineDash(drawn ? [] : [5 * unit, 4 * unit]);
+    context.beginPath(); context.moveTo(...from); context.lineTo(...to); context.stroke();
+    context.setLineDash([]);
+    if (drawn) context.fillText(`${few(Math.hypot(to[0] - from[0], to[1] - from[1]) / scale, 0)} mm`, to[0] + 10 * unit, to[1] - 8 * unit);
   }
   context.fillStyle = "#dde";
   const letters = name === "volume" ? figures.letters : figures.slices[number - 1].letters;
@@ -339,6 +374,7 @@ for (const name of panes) {
       case "cross": return soon({ do: "cross", pane: name, at: within }, newest);
       case "window": return soon({ do: name === "volume" ? "transfer" : "window", by }, sum);
       case "handle": return soon({ do: "drag", to: within, lock }, newest);
+      case "incise": return draw();
     }
   });
   const released = (event) => {
@@ -348,7 +384,12 @@ for (const name of panes) {
       // Seen from outside alone it would not be seen in any slice.
       if (name === "volume" && figures.held != null) goTo(figures.held);
     }
+    if (press?.does === "incise") {
+      const [from, to] = [press.first, press.at].map((place) => place.map((c) => Math.min(2, Math.max(-1, c))));
+      now({ do: "stroke", pane: name, from, to });
+    }
     press = null; lock = null;
+    draw();
   };
   canvas.addEventListener("pointerup", released);
   canvas.addEventListener("pointercancel", () => { if (press?.does === "handle") now({ do: "abandon" }); press = null; lock = null; });
@@ -387,7 +428,7 @@ addEventListener("keydown", (event) => {
   }
   if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
   if (press?.does === "handle" && "xyz".includes(key)) { lock = lock === key ? null : key; return; }
-  const tools = { t: "turn", h: "handle", p: "pin", b: "window" };
+  const tools = { t: "turn", h: "handle", p: "pin", i: "incise", b: "window" };
   if (tools[key]) document.querySelector(`input[name=tool][value=${tools[key]}]`).checked = true;
   const sides = { 1: "front", 3: "left", 7: "top" };
   if (sides[key]) now({ do: "look", side: sides[key] });

@@ -47,7 +47,7 @@ impl Draw {
     /// A request by its form, with hostile values.
     fn formed(&mut self) -> Json {
         let pane = ["volume", "axial", "coronal", "sagittal"][self.below(4)];
-        match self.below(21) {
+        match self.below(25) {
             0 => json!({ "do": "resize", "size": [32_768, 32_768] }),
             1 => json!({ "do": "orbit", "by": self.pair() }),
             2 => json!({ "do": "zoom", "factor": self.number(), "at": self.pair() }),
@@ -73,6 +73,15 @@ impl Draw {
             19 => {
                 let (pivot, axis, by) = (self.triple(), self.triple(), self.triple());
                 json!({ "do": "turn", "bone": 0, "pivot": pivot, "axis": axis, "angle": self.number(), "by": by })
+            }
+            20 => json!({ "do": "stroke", "pane": pane, "from": self.pair(), "to": self.pair() }),
+            21 => {
+                json!({ "do": "open", "space": self.below(3), "radius": self.number(), "open": self.number() })
+            }
+            22 => json!({ "do": "clip_box", "min": self.triple(), "max": self.triple() }),
+            23 => {
+                let plane = json!({ "point": self.triple(), "normal": self.triple() });
+                json!({ "do": "move_clip", "clip": self.below(3), "part": { "plane": plane } })
             }
             _ => json!({ "do": "slice", "pane": pane, "steps": i32::MIN }),
         }
@@ -128,7 +137,7 @@ fn thousands_of_hostile_messages_change_nothing_but_what_they_may() {
         |angles: &Json| angles[0] == json!(0.0) && angles[1].as_f64().is_some_and(|up| up.abs() == 90.0);
     let last = client.hear_of("frame", |heard| from_above(&heard.head["figures"]["angles"]));
     for clip in last.head["figures"]["clips"].as_array().into_iter().flatten() {
-        client.send(&json!({ "do": "unclip", "clip": clip }));
+        client.send(&json!({ "do": "unclip", "clip": clip["id"] }));
     }
     // It still does what it is asked.
     client.send(&json!({ "do": "look", "side": "front" }));

@@ -8,7 +8,7 @@ use egui_kittest::{Harness, TestRenderer};
 use ivd_artefact::Cache;
 use ivd_core::Exec;
 use ivd_frames::{Figures, Source};
-use ivd_view::{Options, Window};
+use ivd_view::{Chooser, Options, Window};
 
 /// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
 pub(crate) const BALL: &str = r#"
@@ -54,16 +54,27 @@ impl Here {
         here
     }
 
-    /// A window that opens something.
+    /// A window that opens something, where paths are typed.
     pub(crate) fn new(
         folder: Arc<tempfile::TempDir>,
         source: Option<Source>,
         renderer: Option<Box<dyn TestRenderer>>,
     ) -> Self {
+        Self::with_chooser(folder, source, renderer, Chooser::default())
+    }
+
+    /// The same where something else asks for paths.
+    pub(crate) fn with_chooser(
+        folder: Arc<tempfile::TempDir>,
+        source: Option<Source>,
+        renderer: Option<Box<dyn TestRenderer>>,
+        chooser: Chooser,
+    ) -> Self {
         let options = Options {
             exec: Exec::default(),
             cache: Arc::new(Cache::disabled()),
             folder: Some(folder.path().join("state")),
+            chooser,
         };
         let builder = Harness::builder().with_size([1000.0, 700.0]);
         let builder = match renderer {

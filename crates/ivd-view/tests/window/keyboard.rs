@@ -7,7 +7,7 @@ use ivd_frames::{Figures, Source};
 use super::common::{BALL, Here, scene};
 
 /// Goes to a part of the window by the key that does so, however long that takes.
-fn tab_to(here: &mut Here, name: &str) {
+pub(crate) fn tab_to(here: &mut Here, name: &str) {
     for _ in 0..200 {
         if here.harness.query_by_label(name).is_some_and(|node| node.is_focused()) {
             return;
@@ -18,7 +18,7 @@ fn tab_to(here: &mut Here, name: &str) {
     panic!("{name} is never reached by Tab");
 }
 
-fn typed(here: &mut Here, text: &str) {
+pub(crate) fn typed(here: &mut Here, text: &str) {
     here.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
     here.harness.event(Event::Text(text.to_owned()));
     here.harness.step();

@@ -2,8 +2,10 @@
 
 mod common;
 mod drawn;
+mod files;
 mod hands;
 mod keyboard;
 mod names;
 mod opened;
+mod parts;
 mod screen;

@@ -14,7 +14,9 @@ fn is_part(node: &AccessKitNode<'_>) -> bool {
         node.role(),
         Role::GenericContainer | Role::Menu | Role::Pane | Role::ScrollView | Role::Window | Role::Unknown
     );
-    !contains && !matches!(node.role(), Role::Label | Role::TextRun) && !node.is_hidden()
+    // Of bars that scroll egui gives no name away, and keys need none.
+    let bars = matches!(node.role(), Role::ScrollBar);
+    !contains && !bars && !matches!(node.role(), Role::Label | Role::TextRun) && !node.is_hidden()
 }
 
 /// Roles and names of what hands can reach.
@@ -24,7 +26,7 @@ fn parts(here: &Here) -> Vec<(Role, String)> {
     nodes.map(|node| (node.role(), node.label().unwrap_or_default())).collect()
 }
 
-fn assert_named(here: &Here) {
+pub(crate) fn assert_named(here: &Here) {
     let mut named: BTreeMap<String, Vec<Role>> = BTreeMap::new();
     for (role, name) in parts(here) {
         named.entry(name).or_default().push(role);
@@ -39,6 +41,22 @@ fn every_part_has_a_name_of_its_own() {
     here.press("Handle where the slices meet");
     here.press("Pin where the slices meet");
     here.told("a handle and a pin", |told| told.handles.len() == 1 && told.pins.len() == 1);
+    for (menu, item) in [
+        ("Cut where the slices meet", "Cut along the sagittal slice"),
+        ("Clip here", "Plane along the axial slice"),
+    ] {
+        here.press(menu);
+        here.harness.run_ok();
+        assert_named(&here);
+        here.press(item);
+        // What comes of it makes other rows, and lets those below go elsewhere.
+        here.told("it is done", |told| {
+            told.incision.is_some() && (told.clips.len() == 1 || menu != "Clip here")
+        });
+        here.harness.run_ok();
+    }
+    here.press("Keep a box");
+    here.told("a cut, a plane and a box", |told| told.incision.is_some() && told.clips.len() == 2);
     here.harness.run_ok();
     assert_named(&here);
     let lines: Vec<String> = parts(&here).iter().map(|(role, name)| format!("{role:?} {name}")).collect();

@@ -6,6 +6,8 @@ use egui_kittest::kittest::Queryable as _;
 use ivd_frames::Source;
 
 use super::common::{BALL, Here, scene};
+use super::keyboard::{tab_to, typed};
+use super::names::assert_named;
 
 fn folder() -> Arc<tempfile::TempDir> {
     Arc::new(tempfile::tempdir().unwrap())
@@ -96,6 +98,53 @@ fn what_would_be_lost_is_asked_about() {
     here.press("Close");
     here.press("Throw it away");
     assert!(here.has("Drop a scan or a scene here"));
+}
+
+/// Types something else into a field that is called so.
+fn type_into(here: &mut Here, name: &str, text: &str) {
+    tab_to(here, name);
+    typed(here, text);
+}
+
+#[test]
+fn a_scan_is_made_again_otherwise_after_what_would_be_lost_is_asked_about() {
+    let mut here = Here::ball();
+    assert_eq!(here.figures().made.iso, Some(127.5));
+    here.press("Handle where the slices meet");
+    let vertices = here.told("a handle", |told| told.unsaved).vertices;
+    here.press("Made of");
+    here.harness.run_ok();
+    assert_named(&here);
+    type_into(&mut here, "Value of the surface", "200");
+    here.press("Make again");
+    assert!(here.has("What was done here is not saved"));
+    here.press("Throw it away");
+    let told = here.told("a smaller ball", |told| told.made.iso == Some(200.0));
+    assert!(told.vertices < vertices && told.handles.is_empty(), "{} {vertices}", told.vertices);
+    here.settle();
+    // What no scene takes is told, and nothing is lost.
+    type_into(&mut here, "Value of the surface", "many");
+    here.press("Make again");
+    here.until("why not", |here| here.has("lattice.iso"));
+    assert_eq!(here.figures().vertices, told.vertices);
+}
+
+#[test]
+fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
+    let folder = folder();
+    let held = "[[deform.handle]]\npick = [16.0, 28.0, 16.0]\nmove = [0.0, -1.0, 0.5]\nradius = 9.0\n";
+    let source = scene(folder.path(), &format!("{BALL}{held}"));
+    let mut here = Here::new(folder, Some(source), None);
+    here.settle();
+    here.press("Made of");
+    here.harness.run_ok();
+    // Where nothing is cut there is nothing to hold.
+    type_into(&mut here, "Value of the surface", "1e9");
+    here.press("Make again");
+    here.until("why not", |here| here.has("It can't be made so"));
+    here.press("All right");
+    here.settle();
+    assert_eq!((here.figures().made.iso, here.figures().handles.len()), (Some(127.5), 1));
 }
 
 #[test]

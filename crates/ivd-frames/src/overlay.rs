@@ -1,0 +1,192 @@
+//! Colours over slices: how far what is seen has come, and how its volume has changed.
+
+use ivd_core::{Displacement, VoxelIndex};
+use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// A volume that has changed by as many times, or by one over that, has the last colour.
+const MOST_TIMES: f64 = 2.0;
+/// How much of a pixel is its colour at most.
+const OPAQUE: f64 = 0.7;
+/// From this share of the scale on a colour is whole; before that it fades in: of a motion, and of a change, whose first colours are next to white.
+const WHOLE: [f64; 2] = [0.15, 0.6];
+/// What is darker than this grey fades out: of air nobody asks where it has gone.
+const SEEN: f64 = 24.0;
+/// From dark to light, for any colour vision: a few of viridis (van der Walt and Smith 2015).
+const MOTION: [[u8; 3]; 5] = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
+/// Squeezed is blue and stretched is red: ends and middle of RdBu (Brewer).
+const VOLUME: [[u8; 3]; 5] =
+    [[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]];
+
+/// What colours over slices tell of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Overlay {
+    /// How far what is seen there has come.
+    Motion,
+    /// By how many times its volume has grown.
+    Volume,
+}
+
+impl Overlay {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Motion, Self::Volume];
+
+    /// How it is called in a window.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Motion => "motion",
+            Self::Volume => "change of volume",
+        }
+    }
+
+    /// Values at both ends of the scale: mm, the longest motion rounded up; or times.
+    ///
+    /// - `largest_mm`: the longest motion.
+    pub fn scale(self, largest_mm: f64) -> [f64; 2] {
+        match self {
+            Self::Motion => [0.0, rounded_up(largest_mm.max(0.01))],
+            Self::Volume => [1.0 / MOST_TIMES, MOST_TIMES],
+        }
+    }
+
+    /// The colour at a share of the scale, 0 … 1; beyond its ends that of the end.
+    pub fn colour(self, share: f64) -> [u8; 3] {
+        let stops = match self {
+            Self::Motion => MOTION,
+            Self::Volume => VOLUME,
+        };
+        let at = share.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
+        let first = (at.floor() as usize).min(stops.len() - 2);
+        let way = at - first as f64;
+        let part = |c: usize| f64::from(stops[first][c]) * (1.0 - way) + f64::from(stops[first + 1][c]) * way;
+        [0, 1, 2].map(|c| part(c).round() as u8)
+    }
+
+    /// A pixel of a slice with its colour over it.
+    pub(crate) fn over(
+        self,
+        displacement: &Displacement,
+        largest_mm: f64,
+        voxel: [usize; 3],
+        grey: u8,
+    ) -> [u8; 3] {
+        let Some(value) = self.value(displacement, voxel) else { return [grey; 3] };
+        // From where nothing has happened to the end of the scale.
+        let (share, far) = match self {
+            Self::Motion => {
+                let share = value / self.scale(largest_mm)[1];
+                (share, share / WHOLE[0])
+            }
+            Self::Volume => {
+                let octaves = (value.log2() / MOST_TIMES.log2()).clamp(-1.0, 1.0);
+                (0.5 + 0.5 * octaves, octaves.abs() / WHOLE[1])
+            }
+        };
+        let weight = OPAQUE * far.clamp(0.0, 1.0) * (f64::from(grey) / SEEN).min(1.0);
+        let mixed = |c: u8| (f64::from(grey) * (1.0 - weight) + f64::from(c) * weight).round() as u8;
+        self.colour(share).map(mixed)
+    }
+
+    /// What there is to tell of a deformed voxel; nothing where a cut has opened.
+    fn value(self, displacement: &Displacement, voxel: [usize; 3]) -> Option<f64> {
+        if is_vacated(displacement, voxel) {
+            return None;
+        }
+        match self {
+            Self::Motion => Some(vector(displacement, voxel).norm()),
+            Self::Volume => {
+                Some(times(displacement, voxel)).filter(|times| times.is_finite() && *times > 0.0)
+            }
+        }
+    }
+}
+
+/// From where a deformed voxel comes (mm, RAS).
+fn vector(displacement: &Displacement, voxel: [usize; 3]) -> Vector3<f64> {
+    Vector3::from(displacement.inverse().at(VoxelIndex(voxel))).map(f64::from)
+}
+
+fn flag(displacement: &Displacement, flags: &[u8], voxel: [usize; 3]) -> u8 {
+    flags.get(displacement.grid().linear(VoxelIndex(voxel))).copied().unwrap_or(0)
+}
+
+fn is_vacated(displacement: &Displacement, voxel: [usize; 3]) -> bool {
+    flag(displacement, displacement.vacated(), voxel) != 0
+}
+
+/// By how many times the volume about a deformed voxel has grown: one over the determinant of the way back, by differences to the neighbours on its side of a cut.
+fn times(displacement: &Displacement, voxel: [usize; 3]) -> f64 {
+    let (grid, here) = (displacement.grid(), vector(displacement, voxel));
+    let side = |voxel| flag(displacement, displacement.sides(), voxel) >> 2 & 3;
+    let beside = |a: usize, by: isize| {
+        let mut other = voxel;
+        other[a] = voxel[a].checked_add_signed(by).filter(|at| *at < grid.dims()[a])?;
+        let is_apart = (side(voxel) | side(other)) == 3 || is_vacated(displacement, other);
+        (!is_apart).then(|| vector(displacement, other))
+    };
+    let columns = [0, 1, 2].map(|a| match [beside(a, -1), beside(a, 1)] {
+        [Some(before), Some(after)] => (after - before) / 2.0,
+        [None, Some(after)] => after - here,
+        [Some(before), None] => here - before,
+        [None, None] => Vector3::zeros(),
+    });
+    let change = Matrix3::from_columns(&columns) * grid.inverse_linear_part();
+    1.0 / (Matrix3::identity() + change).determinant()
+}
+
+/// The least of 1, 2, 5, 10 … that is no less.
+fn rounded_up(least: f64) -> f64 {
+    let power = 10.0_f64.powf(least.log10().floor());
+    let found = [1.0, 2.0, 5.0].map(|n| n * power).into_iter().find(|n| *n >= least);
+    found.unwrap_or(10.0 * power)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ivd_core::{FieldBricks, Grid};
+
+    /// What lies at `y` comes from `y / times`, all along the first axis.
+    fn stretched(times: f64) -> Displacement {
+        let grid = Grid::with_spacing([16, 8, 8], [2.0; 3]).unwrap();
+        let vectors = |sign: f64, factor: f64| {
+            let mut vectors = Vec::new();
+            for brick in 0..2 {
+                for slot in 0..512 {
+                    let x = 2.0 * (8 * brick + slot % 8) as f64;
+                    vectors.push([(sign * factor * x) as f32, 0.0, 0.0]);
+                }
+            }
+            FieldBricks::of_bricks([16, 8, 8], &[0, 1], vectors.into()).unwrap()
+        };
+        Displacement::new(grid, vectors(1.0, times - 1.0), vectors(-1.0, 1.0 - 1.0 / times)).unwrap()
+    }
+
+    #[test]
+    fn a_stretch_has_its_length_and_its_change_of_volume_everywhere() {
+        for by in [1.25, 0.8, 1.0] {
+            let displacement = stretched(by);
+            for voxel in [[0, 0, 0], [7, 3, 2], [15, 7, 7]] {
+                let volume = Overlay::Volume.value(&displacement, voxel).unwrap();
+                assert!((volume - by).abs() < 1e-5, "{volume} at {voxel:?}");
+                let length = Overlay::Motion.value(&displacement, voxel).unwrap();
+                assert!((length - (2.0 * voxel[0] as f64) * (1.0 - 1.0 / by).abs()).abs() < 1e-5);
+            }
+        }
+        let still = stretched(1.0);
+        for overlay in Overlay::ALL {
+            assert_eq!(overlay.over(&still, 0.0, [4, 4, 4], 77), [77; 3], "what rests has no colour");
+        }
+    }
+
+    #[test]
+    fn scales_have_round_ends_and_colours_their_own() {
+        let ends = [0.0, 0.011, 1.0, 1.2, 4.9, 12.0, 60.0].map(|most| Overlay::Motion.scale(most)[1]);
+        let wanted = [0.01, 0.02, 1.0, 2.0, 5.0, 20.0, 100.0];
+        assert!(ends.iter().zip(wanted).all(|(end, wanted)| (end - wanted).abs() < 1e-9), "{ends:?}");
+        assert_eq!(Overlay::Volume.scale(9.0), [0.5, 2.0]);
+        assert_eq!([-1.0, 0.0].map(|share| Overlay::Motion.colour(share)), [MOTION[0]; 2]);
+        assert_eq!([0.25, 1.0].map(|share| Overlay::Volume.colour(share)), [VOLUME[1], VOLUME[4]]);
+    }
+}

@@ -1,0 +1,282 @@
+//! Cuts that are drawn, planes and boxes that clip, bones that are turned.
+
+use ivd_core::{Exec, VoxelIndex};
+use ivd_field::shape::{Kind, Shape};
+use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request};
+use ivd_map::space::Step;
+use ivd_session::Event;
+use nalgebra::Vector3;
+
+use super::common::{BALL, model};
+use super::scripts::{BONED, assert_as_piped};
+
+fn follow(model: &mut Model, request: &Request) -> Figures {
+    model.follow(request).unwrap();
+    model.figures()
+}
+
+fn stroke(pane: Pane, from: [f64; 2], to: [f64; 2]) -> Request {
+    Request::Stroke { pane, from, to }
+}
+
+#[test]
+fn a_line_over_a_slice_is_the_mouth_of_a_cut() {
+    for (pane, across) in [(Pane::Axial, 2), (Pane::Coronal, 1), (Pane::Sagittal, 0)] {
+        let mut model = model(BALL);
+        let rest = model.session().deformed().clone();
+        let (from, to) = ([0.3, 0.6], [0.6, 0.35]);
+        let told = follow(&mut model, &stroke(pane, from, to));
+        assert_eq!((told.refused.as_ref(), told.undo.as_deref()), (None, Some("cut open")));
+        let cut = told.incision.unwrap();
+        // The ball's slices are 32 mm wide and high.
+        let length = 32.0 * (0.3_f64).hypot(0.25);
+        assert!((2.0 * cut.radius - length).abs() < 1e-9 && (cut.open - 0.25 * cut.radius).abs() < 1e-9);
+        let shown = cut.at[pane.number()].unwrap();
+        let off = |ends: [[f64; 2]; 2]| {
+            (0..4).map(|i| (shown[i / 2][i % 2] - ends[i / 2][i % 2]).abs()).fold(0.0, f64::max)
+        };
+        assert!(off([from, to]).min(off([to, from])) < 1e-9, "{pane:?}: {shown:?}");
+        // It goes straight away from whoever looks.
+        assert!(cut.normal[across].abs() < 1e-9, "{pane:?}: {:?}", cut.normal);
+        let at = model.session().rest().grid().voxel(ivd_core::World(cut.centre.into())).0;
+        let middle = VoxelIndex([0, 1, 2].map(|a| at[a].round() as usize));
+        assert_ne!(rest.value(middle), 0.0);
+        assert_eq!(model.session().deformed().value(middle), 0.0, "nothing lies between the lips");
+        assert_as_piped(&model);
+        let undone = follow(&mut model, &Request::Undo);
+        assert!(undone.incision.is_none() && model.session().deformed() == &rest);
+    }
+}
+
+#[test]
+fn a_line_over_the_volume_cuts_along_the_line_of_sight() {
+    let perspective = BALL.replace("view = \"front\"", "view = \"front\"\nprojection = \"perspective\"");
+    for scene in [BALL, &perspective] {
+        let mut model = model(scene);
+        follow(&mut model, &Request::Orbit { by: [0.1, 0.07] });
+        let place = |model: &mut Model, at| {
+            let hovered = follow(model, &Request::Hover { pane: Pane::Volume, at }).hovered;
+            Vector3::from(hovered.unwrap().place)
+        };
+        let (from, to) = ([0.4, 0.42], [0.6, 0.55]);
+        let [first, middle, last] = [from, [0.5, 0.485], to].map(|at| place(&mut model, at));
+        let told = follow(&mut model, &stroke(Pane::Volume, from, to));
+        assert_eq!(told.refused, None);
+        let cut = told.incision.unwrap();
+        let (centre, normal) = (Vector3::from(cut.centre), Vector3::from(cut.normal));
+        assert!((centre - middle).norm() < 1e-9 && (centre - Vector3::from([16.0; 3])).norm() > 9.0);
+        let length = (middle - first).norm() + (last - middle).norm();
+        assert!((2.0 * cut.radius - length).abs() < 1e-9);
+        // Both ends lie in its plane, but for the halves of pixels that are picked.
+        for end in [first, last] {
+            assert!((end - centre).dot(&normal).abs() < 0.3, "{}", (end - centre).dot(&normal));
+        }
+        // Its mouth is seen along the line.
+        let [a, b] = cut.at[0].unwrap();
+        let way = [b[0] - a[0], b[1] - a[1]];
+        let turn = (way[0] * (to[1] - from[1]) - way[1] * (to[0] - from[0])) / way[0].hypot(way[1]) / 0.24;
+        assert!(turn.abs() < 0.03, "{turn}");
+        assert_as_piped(&model);
+    }
+}
+
+#[test]
+fn a_line_that_is_none_or_lies_beside_the_body_says_what_to_do() {
+    let mut model = model(BALL);
+    let before = model.figures();
+    for (line, says) in [
+        (stroke(Pane::Axial, [0.5; 2], [0.5; 2]), "too short"),
+        (stroke(Pane::Volume, [0.5; 2], [0.51, 0.5]), "too short"),
+        (stroke(Pane::Volume, [0.5; 2], [0.99, 0.5]), "leaves what is seen"),
+        (stroke(Pane::Axial, [0.5; 2], [1.5, 0.5]), "leaves what is seen"),
+        (stroke(Pane::Volume, [0.01; 2], [0.01; 2]), "nothing is seen"),
+        (stroke(Pane::Coronal, [0.01, 0.01], [0.3, 0.01]), "nothing is seen"),
+    ] {
+        let refused = model.follow(&line).unwrap_err().to_string();
+        assert!(refused.contains(says) && refused.contains("draw"), "{line:?}: {refused}");
+        assert_eq!(model.figures(), before);
+    }
+}
+
+#[test]
+fn a_slider_opens_the_cut_where_it_is() {
+    let mut model = model(BALL);
+    follow(&mut model, &stroke(Pane::Axial, [0.3, 0.5], [0.7, 0.5]));
+    let cut = model.figures().incision.unwrap();
+    // A step behind it: the cut stays where it was put all the same.
+    let push = Shape {
+        kind: Kind::Translate { by: [0.0, 0.0, 0.5] },
+        centre: [16.0; 3],
+        axis: [0.0, 0.0, 1.0],
+        radius: 8.0,
+        core: 0.3,
+    };
+    model.session_mut().apply(Event::Space { id: None, step: Step::Shape(push) }, &Exec::default()).unwrap();
+    follow(&mut model, &Request::Adjust);
+    for open in [1.0, 1.4, 1.8] {
+        let told = follow(&mut model, &Request::Open { space: cut.id, radius: 7.0, open });
+        assert_eq!(told.refused, None);
+    }
+    let told = follow(&mut model, &Request::Drop);
+    let now = told.incision.unwrap();
+    assert_eq!(
+        (now.id, now.centre, now.normal, now.radius, now.open),
+        (cut.id, cut.centre, cut.normal, 7.0, 1.8)
+    );
+    assert_eq!(told.undo.as_deref(), Some("change a cut"));
+    assert_as_piped(&model);
+    let undone = follow(&mut model, &Request::Undo).incision.unwrap();
+    assert_eq!((undone.radius, undone.open), (cut.radius, cut.open));
+    assert!(model.follow(&Request::Open { space: 9, radius: 7.0, open: 1.0 }).is_err());
+    let closed = follow(&mut model, &Request::Close { space: cut.id });
+    assert!(closed.incision.is_none() && closed.space.len() == 1);
+}
+
+#[test]
+fn a_plane_keeps_what_lies_behind_it_and_is_moved_turned_and_taken_away() {
+    let mut model = model(BALL);
+    let whole = model.session().deformed().clone();
+    let value = |model: &Model, y: usize| model.session().deformed().value(VoxelIndex([16, y, 16]));
+    // From the front one looks towards the back: what lies before the slice goes.
+    let told = follow(&mut model, &Request::ClipHere { along: Pane::Coronal });
+    assert_eq!((told.refused, told.clips.len()), (None, 1));
+    let ClipPart::Plane(plane) = told.clips[0].part else { panic!("a plane") };
+    assert!(plane.normal[1] < 0.0 && value(&model, 20) == 0.0 && value(&model, 12) > 0.0);
+    let moved = HalfSpace { point: [16.0, 22.0, 16.0], ..plane };
+    follow(&mut model, &Request::Adjust);
+    follow(&mut model, &Request::MoveClip { clip: 0, part: ClipPart::Plane(moved) });
+    let told = follow(&mut model, &Request::Drop);
+    assert_eq!((told.refused, told.undo.as_deref()), (None, Some("move a clip")));
+    assert!(value(&model, 20) > 0.0 && value(&model, 25) == 0.0);
+    let turned = HalfSpace { normal: plane.normal.map(|c| -c), ..moved };
+    follow(&mut model, &Request::MoveClip { clip: 0, part: ClipPart::Plane(turned) });
+    assert!(value(&model, 20) == 0.0 && value(&model, 25) > 0.0);
+    assert_as_piped(&model);
+    let told = follow(&mut model, &Request::Unclip { clip: 0 });
+    assert!(told.clips.is_empty() && model.session().deformed() == &whole);
+    // Facing whoever looks it goes through the same place.
+    follow(&mut model, &Request::Orbit { by: [0.1, 0.1] });
+    let told = follow(&mut model, &Request::ClipHere { along: Pane::Volume });
+    let ClipPart::Plane(plane) = told.clips[0].part else { panic!("a plane") };
+    assert_eq!(plane.point, told.cross);
+    assert!(plane.normal[1] < 0.0 && plane.normal[0] != 0.0);
+}
+
+#[test]
+fn a_box_keeps_what_lies_in_it() {
+    let mut model = model(BALL);
+    let whole = model.session().deformed().clone();
+    let [min, max] = model.figures().extent;
+    let told = follow(&mut model, &Request::ClipBox { min, max });
+    assert_eq!((told.refused, told.clips.len()), (None, 1));
+    assert_eq!(model.session().deformed(), &whole, "about what is shown it takes nothing away");
+    let part = ClipPart::Box(Cuboid { min, max: [max[0], max[1], 18.0] });
+    follow(&mut model, &Request::MoveClip { clip: told.clips[0].id, part });
+    let value = |z: usize| model.session().deformed().value(VoxelIndex([16, 16, z]));
+    assert!(value(17) > 0.0 && value(20) == 0.0);
+    assert_as_piped(&model);
+}
+
+#[test]
+fn planes_go_with_the_body_or_stand_still() {
+    let mut model = model(BALL);
+    follow(&mut model, &Request::Radius { handle: None, radius: 9.0 });
+    follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -2.0, 0.0] });
+    assert!(follow(&mut model, &Request::ClipIn { space: Lies::Rest }).refused.is_some(), "nothing clips");
+    let at = model.figures().handles[0].now;
+    let clip = Request::Clip { point: at, normal: [0.0, -1.0, 0.0] };
+    let still = follow(&mut model, &clip);
+    assert_eq!((still.refused, still.clip_space), (None, Lies::Deformed));
+    let seen = model.session().deformed().clone();
+    let moving = follow(&mut model, &Request::ClipIn { space: Lies::Rest });
+    assert_eq!((moving.refused, moving.clip_space), (None, Lies::Rest));
+    assert!(model.session().deformed() != &seen);
+    assert_as_piped(&model);
+    // One more goes through what is seen there, wherever that was at rest.
+    let told = follow(&mut model, &clip);
+    assert_eq!((told.refused, told.clips.len()), (None, 2));
+    let ClipPart::Plane(plane) = told.clips[1].part else { panic!("a plane") };
+    assert_eq!(plane.point, model.rest_of(at));
+    assert!(plane.point[1] - at[1] > 1.0, "{plane:?}");
+    assert_eq!(follow(&mut model, &Request::ClipIn { space: Lies::Deformed }).clip_space, Lies::Deformed);
+    assert_as_piped(&model);
+}
+
+#[test]
+fn bones_are_told_and_turned() {
+    let mut model = model(&format!("{BALL}{BONED}"));
+    let bone = model.figures().bones[0].clone();
+    assert_eq!((&*bone.name, bone.pivot, bone.angle, bone.by), ("0", [16.0, 16.0, 5.0], 0.0, [0.0; 3]));
+    let turn = Request::Turn { bone: 0, pivot: bone.pivot, axis: bone.axis, angle: 5.0, by: [0.0, 0.5, 0.0] };
+    let told = follow(&mut model, &turn);
+    assert_eq!((told.refused, told.undo.as_deref()), (None, Some("turn a bone")));
+    let now = told.bones[0].clone();
+    assert_eq!((now.angle, now.by, now.pivot, now.axis), (5.0, [0.0, 0.5, 0.0], bone.pivot, bone.axis));
+    assert!(told.largest_mm > 0.4);
+    assert_as_piped(&model);
+    assert_eq!(follow(&mut model, &Request::Undo).bones[0], bone);
+}
+
+#[test]
+fn what_no_window_asks_for_is_refused() {
+    let mut model = model(BALL);
+    let far = [1e7, 0.0, 0.0];
+    let plane =
+        |point, normal| Request::MoveClip { clip: 0, part: ClipPart::Plane(HalfSpace { point, normal }) };
+    for request in [
+        stroke(Pane::Axial, [f64::NAN, 0.5], [0.5; 2]),
+        stroke(Pane::Axial, [0.5; 2], [9.0, 0.5]),
+        Request::Open { space: 0, radius: -1.0, open: 1.0 },
+        Request::Open { space: 0, radius: 5.0, open: f64::NAN },
+        Request::Open { space: 0, radius: 1e9, open: 1.0 },
+        Request::ClipBox { min: far, max: [1.0; 3] },
+        Request::ClipBox { min: [f64::NAN; 3], max: [1.0; 3] },
+        plane(far, [1.0; 3]),
+        plane([0.0; 3], [f64::INFINITY; 3]),
+        Request::MoveClip { clip: 0, part: ClipPart::Box(Cuboid { min: [0.0; 3], max: far }) },
+    ] {
+        assert!(request.check().is_err() && model.follow(&request).is_err(), "{request:?}");
+    }
+    for request in [plane([16.0; 3], [0.0; 3]), Request::ClipBox { min: [9.0; 3], max: [1.0; 3] }] {
+        assert!(follow(&mut model, &request).refused.is_some(), "{request:?}");
+    }
+    for _ in 0..64 {
+        model.follow(&Request::ClipBox { min: [0.0; 3], max: [40.0; 3] }).unwrap();
+    }
+    let many = model.follow(&Request::ClipHere { along: Pane::Axial }).unwrap_err();
+    assert!(many.to_string().contains("there are 64"), "{many}");
+}
+
+#[test]
+fn colours_over_slices_tell_of_what_moved_and_change_nothing() {
+    let mut model = model(BALL);
+    let draw = |model: &Model| model.draw(Pane::Axial, 1, &Exec::default()).unwrap();
+    let rest = draw(&model);
+    for of in Overlay::ALL {
+        follow(&mut model, &Request::Overlay { of: Some(of) });
+        assert_eq!(draw(&model), rest, "where nothing moves there is no colour");
+    }
+    follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] });
+    let voxels = model.session().deformed().clone();
+    let coloured = |image: &ivd_core::Image| {
+        let pixels = image.rgba().chunks_exact(4).enumerate();
+        let coloured = pixels.filter(|(_, pixel)| pixel[0] != pixel[1] || pixel[1] != pixel[2]);
+        coloured.map(|(i, _)| [i % 32, 31 - i / 32]).collect::<Vec<_>>()
+    };
+    let inverse = model.session().displacement().inverse().clone();
+    let moved = |[x, y]: [usize; 2]| inverse.at(VoxelIndex([31 - x, y, 16])) != [0.0; 3];
+    for of in Overlay::ALL {
+        let told = follow(&mut model, &Request::Overlay { of: Some(of) });
+        assert_eq!(told.overlay, Some(of));
+        let found = coloured(&draw(&model));
+        assert!(found.len() > 20, "{of:?}");
+        // A change of volume is seen one voxel further than the motion that makes it.
+        let near = |[x, y]: [usize; 2]| {
+            (0..9).any(|i| moved([(x + i % 3).clamp(1, 32) - 1, (y + i / 3).clamp(1, 32) - 1]))
+        };
+        assert!(found.iter().all(|at| near(*at)), "{of:?}");
+        assert_eq!(model.session().deformed(), &voxels);
+    }
+    let none = follow(&mut model, &Request::Overlay { of: None });
+    assert!(none.overlay.is_none() && coloured(&draw(&model)).is_empty());
+}

@@ -1,0 +1,148 @@
+//! Planes and boxes that clip.
+
+use egui::{ComboBox, DragValue, Ui};
+use ivd_frames::{ClipPart, Clipped, Cuboid, Figures, HalfSpace, Lies, Pane, Request};
+
+use crate::over::name;
+use crate::side::{Scale, slider};
+use crate::window::Window;
+
+/// By how much a field changes when the pointer is dragged over it by a point (mm).
+const SPEED: f64 = 0.25;
+/// What lies at both ends of the patient's axes.
+const SIDES: [[&str; 2]; 3] = [["left", "right"], ["back", "front"], ["lower part", "upper part"]];
+/// Where they go; no wider than the panel.
+const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
+
+impl Window {
+    /// Shows what clips.
+    pub(crate) fn clips(&mut self, ui: &mut Ui, figures: &Figures) {
+        ui.heading("Planes that clip");
+        ui.horizontal(|ui| {
+            ui.menu_button("Clip here", |ui| self.clip_here(ui)).response.on_hover_text(
+                "A plane through the place where the slices meet; what lies on your side goes",
+            );
+            if ui.button("Keep a box").on_hover_text("What lies outside a box goes").clicked() {
+                let [min, max] = figures.extent;
+                self.ask(Request::ClipBox { min, max });
+            }
+        });
+        if figures.clips.is_empty() {
+            return;
+        }
+        self.clip_in(ui, figures);
+        for one in &figures.clips {
+            match &one.part {
+                ClipPart::Plane(plane) => self.plane(ui, figures, one.id, plane),
+                ClipPart::Box(cuboid) => self.cuboid(ui, one, cuboid),
+            }
+        }
+    }
+
+    fn clip_here(&mut self, ui: &mut Ui) {
+        for along in Pane::ALL {
+            let words = match along {
+                Pane::Volume => "Plane facing me".to_owned(),
+                slice => format!("Plane along the {} slice", name(slice).to_lowercase()),
+            };
+            if ui.button(words).clicked() {
+                self.ask(Request::ClipHere { along });
+                ui.close();
+            }
+        }
+    }
+
+    /// Where planes and boxes lie.
+    fn clip_in(&mut self, ui: &mut Ui, figures: &Figures) {
+        let word = |space| match space {
+            Lies::Deformed => "stand still",
+            Lies::Rest => "go with the body",
+        };
+        ComboBox::from_label("Planes and boxes").selected_text(word(figures.clip_space)).show_ui(ui, |ui| {
+            for space in [Lies::Deformed, Lies::Rest] {
+                if ui.selectable_label(figures.clip_space == space, word(space)).clicked() {
+                    self.ask(Request::ClipIn { space });
+                }
+            }
+        });
+    }
+
+    fn plane(&mut self, ui: &mut Ui, figures: &Figures, id: u32, plane: &HalfSpace) {
+        let normal = unit(plane.normal);
+        let [low, high] = figures.extent;
+        let middle: [f64; 3] = std::array::from_fn(|a| f64::midpoint(low[a], high[a]));
+        let half: f64 = (0..3).map(|a| 0.5 * (high[a] - low[a]) * normal[a].abs()).sum();
+        let there: f64 = (0..3).map(|a| (plane.point[a] - middle[a]) * normal[a]).sum();
+        ui.strong(format!("Plane {id} keeps the {}", side(normal)));
+        let full = format!("Plane {id}");
+        let mut at = self.value(&full, there);
+        for response in slider(ui, &full, "mm from the middle", &mut at, -half..=half, Scale::Even) {
+            let point = std::array::from_fn(|a| plane.point[a] + (at - there) * normal[a]);
+            let part = ClipPart::Plane(HalfSpace { point, ..*plane });
+            self.turned(&response, (&full, at), || Request::MoveClip { clip: id, part });
+        }
+        ui.horizontal(|ui| {
+            let other = ui.button("Other side").accessible_name(format!("Other side of plane {id}"));
+            if other.on_hover_text("What was kept goes, and what went is kept").clicked() {
+                let part = ClipPart::Plane(HalfSpace { normal: plane.normal.map(|c| -c), ..*plane });
+                self.ask(Request::MoveClip { clip: id, part });
+            }
+            self.take_away(ui, id, "plane");
+        });
+    }
+
+    fn cuboid(&mut self, ui: &mut Ui, one: &Clipped, cuboid: &Cuboid) {
+        let id = one.id;
+        ui.strong(format!("Box {id} keeps what lies in it"));
+        for (a, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            ui.horizontal(|ui| {
+                for (end, word) in ["from", "to"].into_iter().enumerate() {
+                    ui.weak(if end == 0 { format!("{axis} {word}") } else { word.to_owned() });
+                    let full = format!("Box {id}: {axis} {word}, mm");
+                    let mut ends = [cuboid.min[a], cuboid.max[a]];
+                    // No end goes beyond the other.
+                    let range = if end == 0 { -1e6..=ends[1] } else { ends[0]..=1e6 };
+                    ends[end] = self.value(&full, ends[end]);
+                    let field = DragValue::new(&mut ends[end]).speed(SPEED).max_decimals(1).range(range);
+                    let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+                    let mut moved = *cuboid;
+                    (moved.min[a], moved.max[a]) = (ends[0], ends[1]);
+                    let part = ClipPart::Box(moved);
+                    self.turned(&field, (&full, ends[end]), || Request::MoveClip { clip: id, part });
+                }
+                ui.weak(WAYS[a]);
+            });
+        }
+        ui.horizontal(|ui| self.take_away(ui, id, "box"));
+    }
+
+    fn take_away(&mut self, ui: &mut Ui, id: u32, what: &str) {
+        let away = ui.button("Take away").accessible_name(format!("Take {what} {id} away"));
+        if away.on_hover_text("What it takes away is there again").clicked() {
+            self.ask(Request::Unclip { clip: id });
+        }
+    }
+}
+
+fn unit(way: [f64; 3]) -> [f64; 3] {
+    let length = way.iter().map(|c| c * c).sum::<f64>().sqrt();
+    way.map(|c| c / length.max(f64::MIN_POSITIVE))
+}
+
+/// The side of the patient that a direction goes to most.
+fn side(way: [f64; 3]) -> &'static str {
+    let axis = (0..3).fold(0, |best, a| if way[a].abs() > way[best].abs() + 1e-9 { a } else { best });
+    SIDES[axis][usize::from(way[axis] > 0.0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_are_the_patients() {
+        assert_eq!(side([0.9, -0.2, 0.1]), "right");
+        assert_eq!([side([0.0, -1.0, 0.5]), side([0.0, 0.1, -0.5])], ["back", "lower part"]);
+        assert_eq!(unit([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
+    }
+}

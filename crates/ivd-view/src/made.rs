@@ -1,0 +1,159 @@
+//! What the body is made of, and the same scan made otherwise.
+
+use egui::{CollapsingHeader, ComboBox, Context, TextEdit, Ui};
+use ivd_frames::{Figures, Made, Source};
+
+use crate::window::Window;
+
+/// Solvers: what a scene calls each, and a person.
+const SOLVERS: [(&str, &str); 4] = [
+    ("ring", "rings about handles"),
+    ("projective", "springs at rest"),
+    ("dynamics", "springs in time"),
+    ("xpbd", "springs as constraints"),
+];
+
+/// What is wanted otherwise, as it is typed and chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Wish {
+    iso: String,
+    part: Option<String>,
+    solver: String,
+    stiffness: String,
+}
+
+impl Wish {
+    /// As it is.
+    fn of(made: &Made) -> Self {
+        Self {
+            iso: made.iso.map_or_else(String::new, |iso| iso.to_string()),
+            part: made.part.clone(),
+            solver: made.solver.to_owned(),
+            stiffness: made.stiffness.to_string(),
+        }
+    }
+
+    /// The same source with what differs.
+    fn source(&self, made: &Made, source: &Source) -> Result<Source, String> {
+        let mut source = source.clone();
+        let is = Self::of(made);
+        for (key, now, was) in [
+            ("lattice.iso", Some(&self.iso), Some(&is.iso)),
+            ("boundary.class", self.part.as_ref(), is.part.as_ref()),
+            ("deform.solver", Some(&self.solver), Some(&is.solver)),
+            ("deform.stiffness", Some(&self.stiffness), Some(&is.stiffness)),
+        ] {
+            if now == was {
+                continue;
+            }
+            source.overrides.retain(|one| one.path.join(".") != key);
+            if let Some(value) = now.map(|value| value.trim()).filter(|value| !value.is_empty()) {
+                source.overrides.push(format!("{key}={value}").parse()?);
+            }
+        }
+        Ok(source)
+    }
+}
+
+impl Window {
+    /// Shows what the body is made of.
+    pub(crate) fn made_of(&mut self, ui: &mut Ui, figures: &Figures) {
+        CollapsingHeader::new("Made of").show(ui, |ui| {
+            let made = &figures.made;
+            let mut wish = self.wish.take().unwrap_or_else(|| Wish::of(made));
+            ui.horizontal(|ui| {
+                let field = TextEdit::singleline(&mut wish.iso).hint_text(found(made)).desired_width(110.0);
+                ui.add(field).accessible_name("Value of the surface");
+                ui.label("value of the surface");
+            });
+            part(ui, figures, &mut wish.part);
+            let word = SOLVERS.iter().find(|(solver, _)| *solver == wish.solver);
+            let word = word.map_or(&*wish.solver, |(_, word)| word);
+            ComboBox::from_label("Follows as").selected_text(word).show_ui(ui, |ui| {
+                for (solver, word) in SOLVERS {
+                    if ui.selectable_label(wish.solver == solver, word).clicked() {
+                        solver.clone_into(&mut wish.solver);
+                    }
+                }
+            });
+            ui.horizontal(|ui| {
+                let field = TextEdit::singleline(&mut wish.stiffness).desired_width(110.0);
+                ui.add(field).accessible_name("Stiffness that it is made with, N/m");
+                ui.label("N/m stiff");
+            });
+            let differs = wish != Wish::of(made);
+            let again = ui.add_enabled(differs, egui::Button::new("Make again"));
+            if again.on_hover_text("Opens the same once more, made so").clicked() {
+                self.make_again(&wish, made, ui.ctx());
+            }
+            self.wish = differs.then_some(wish);
+        });
+    }
+
+    /// Opens the same once more, made otherwise, after what would be lost was asked about.
+    fn make_again(&mut self, wish: &Wish, made: &Made, context: &Context) {
+        let Some(source) = self.work.as_ref().map(|work| work.source.clone()) else { return };
+        let otherwise = wish.source(made, &source);
+        // What can't even be read leaves all as it is.
+        match otherwise
+            .and_then(|otherwise| otherwise.read().map(|_| otherwise).map_err(|error| error.to_string()))
+        {
+            Ok(otherwise) => {
+                self.before = Some([otherwise.clone(), source]);
+                self.open(otherwise, context);
+            }
+            Err(problem) => self.complain(problem),
+        }
+    }
+}
+
+/// Where the surface was found.
+fn found(made: &Made) -> String {
+    match made.between {
+        [Some(low), _] => format!("found: {low:.0}"),
+        _ => "found by itself".to_owned(),
+    }
+}
+
+/// The part: a class, one that is chosen by a rule, or none said.
+fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
+    let made = &figures.made;
+    let word = |part: Option<&str>| match (part, made.class) {
+        (None, Some(class)) if made.part.is_none() => format!("found: class {class}"),
+        (None, _) => "none said".to_owned(),
+        (Some(rule @ ("densest" | "largest")), _) => format!("the {rule} class"),
+        (Some(class), _) => format!("class {class}"),
+    };
+    let classes = figures.classes.iter().map(|class| Some(class.id.to_string()));
+    let rules = ["densest", "largest"].map(|rule| Some(rule.to_owned()));
+    ComboBox::from_label("Part").selected_text(word(part.as_deref())).show_ui(ui, |ui| {
+        for choice in [None].into_iter().chain(rules).chain(classes) {
+            if ui.selectable_label(*part == choice, word(choice.as_deref())).clicked() {
+                *part = choice;
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_differs_is_said_and_what_is_taken_back_is_said_no_more() {
+        let made = Made { iso: Some(40.0), solver: "ring", stiffness: 50.0, ..Made::default() };
+        let source = Source { overrides: vec!["lattice.iso=40".parse().unwrap()], ..Source::default() };
+        let said = |wish: &Wish| {
+            let source = wish.source(&made, &source).unwrap();
+            let said = source.overrides.iter().map(|one| format!("{}={}", one.path.join("."), one.value));
+            said.collect::<Vec<_>>()
+        };
+        let is = Wish::of(&made);
+        assert_eq!(said(&is), ["lattice.iso=40"]);
+        assert_eq!(said(&Wish { iso: " 60.5 ".to_owned(), ..is.clone() }), ["lattice.iso=60.5"]);
+        let part = Wish { iso: String::new(), part: Some("3".to_owned()), ..is.clone() };
+        assert_eq!(said(&part), ["boundary.class=3"]);
+        let matter = Wish { solver: "projective".to_owned(), stiffness: "80".to_owned(), ..is };
+        assert_eq!(said(&matter)[1..], ["deform.solver=\"projective\"", "deform.stiffness=80"]);
+    }
+}
