@@ -100,8 +100,8 @@ pub use rendered::Rendered;
 pub use scene::Scene;
 pub use stage::{
     AttenuatedMipParams, Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING,
-    IsoParams, LmipParams, MeanParams, MinipParams, MipParams, Pair, Picked, Plain, RenderFigures, STAGE,
-    ShearWarpParams, SlicesParams, VOLUME, WHOLE,
+    Greys, IsoParams, LmipParams, MeanParams, MinipParams, MipParams, Pair, Picked, Plain, RenderFigures,
+    STAGE, ShearWarpParams, SlicesParams, VOLUME, WHOLE,
 };
 pub use surface::{SurfaceStyle, surface};
 pub use surroundings::Surroundings;

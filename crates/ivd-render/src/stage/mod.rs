@@ -11,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{Pick, difference};
-pub use modes::{AttenuatedMipParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams};
+pub use modes::{AttenuatedMipParams, Greys, IsoParams, LmipParams, MeanParams, MinipParams, MipParams};
 pub use volumetric::{DvrParams, ShearWarpParams, SlicesParams};
 
 /// The stage: its modes, and the pictures that a scene has of it.

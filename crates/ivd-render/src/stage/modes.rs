@@ -187,8 +187,8 @@ macro_rules! plain {
 }
 
 /// A picture in a mode of greys.
-fn in_mode(mode: Mode, greys: Greys, picture: &RenderParams) -> Result<RenderParams, ParamError> {
-    Ok(RenderParams { mode, window: greys.window, ..picture.clone() })
+fn in_mode(mode: Mode, greys: Greys, picture: &RenderParams) -> RenderParams {
+    RenderParams { mode, window: greys.window, ..picture.clone() }
 }
 
 /// No device knows the form.
@@ -197,16 +197,17 @@ fn on_processor<T>(_: &T) -> &'static [&'static str] {
 }
 
 plain! {
-    MipParams: |params: &Self| in_mode(Mode::Mip, params.greys, &params.picture), |_: &Self| CLOSE;
+    MipParams: |params: &Self| Ok(in_mode(Mode::Mip, params.greys, &params.picture)), |_: &Self| CLOSE;
     IsoParams: Self::picture, |params: &Self| if params.surroundings.are_asked() { &[] } else { CLOSE };
-    MinipParams: |params: &Self| in_mode(Mode::Minip, params.greys, &params.picture), |_: &Self| CLOSE;
-    MeanParams: |params: &Self| in_mode(Mode::Mean, params.greys, &params.picture), on_processor;
+    MinipParams: |params: &Self| Ok(in_mode(Mode::Minip, params.greys, &params.picture)), |_: &Self| CLOSE;
+    MeanParams: |params: &Self| Ok(in_mode(Mode::Mean, params.greys, &params.picture)), on_processor;
     LmipParams:
-        |params: &Self| in_mode(Mode::Lmip { threshold: params.threshold }, params.greys, &params.picture),
+        |params: &Self| Ok(in_mode(Mode::Lmip { threshold: params.threshold }, params.greys, &params.picture)),
         on_processor;
     AttenuatedMipParams:
         |params: &Self| {
-            in_mode(Mode::AttenuatedMip { attenuation: params.attenuation }, params.greys, &params.picture)
+            let mode = Mode::AttenuatedMip { attenuation: params.attenuation };
+            Ok(in_mode(mode, params.greys, &params.picture))
         },
         on_processor;
 }
