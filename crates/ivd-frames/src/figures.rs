@@ -82,8 +82,8 @@ pub struct Bone {
     pub id: u32,
     /// Its name.
     pub name: String,
-    /// Point that it turns about (mm, RAS).
-    pub pivot: [f64; 3],
+    /// Point that it turns about (mm, RAS); none where neither that nor where it lies is said, but a class alone.
+    pub pivot: Option<[f64; 3]>,
     /// Direction of its axis.
     pub axis: [f64; 3],
     /// How far it is turned (degrees).

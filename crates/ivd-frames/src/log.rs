@@ -1,6 +1,6 @@
 //! A log as a file of lines: first the scene that it began with, then what was done, a line each.
 
-use std::io::{self, Read as _, Seek as _, Write as _};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -38,17 +38,16 @@ impl Lines {
     /// All lines so far.
     ///
     /// # Errors
-    /// Lines that couldn't be written, or read again.
+    /// Lines that couldn't be written, or can't be read again.
     pub(crate) fn text(&mut self) -> Result<String, Error> {
-        let read = match self.failed.take() {
-            Some(error) => Err(error),
-            None => self.read(),
-        };
-        read.map_err(|error| {
-            let problem = format!("not all of it could be written: {error}");
-            self.failed = Some(error);
-            Error::Io { what: "the log", problem }
-        })
+        let wrong = |problem: String| Error::Io { what: "the log", problem };
+        if let Some(error) = &self.failed {
+            return Err(wrong(format!("not all of it could be written: {error}")));
+        }
+        let read = self.read();
+        // What is written next comes behind it, whatever was read.
+        self.failed = self.file.seek(SeekFrom::End(0)).err();
+        read.map_err(|error| wrong(format!("it can't be read again: {error}")))
     }
 
     fn read(&mut self) -> io::Result<String> {

@@ -181,6 +181,51 @@ mod tests {
     }
 
     #[test]
+    fn a_linear_motion_on_an_oblique_grid_has_its_determinant_and_a_cut_keeps_to_its_sides() {
+        // Axes turned by about 30°, voxels of three lengths.
+        let (s, c) = 0.5_f64.sin_cos();
+        let axes = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]];
+        let grid = Grid::new([16, 8, 8], [1.0, 2.0, 0.5], [5.0, -3.0, 40.0], axes).unwrap();
+        let way_back = Matrix3::new(0.1, 0.3, -0.05, -0.02, -0.15, 0.2, 0.07, 0.0, 0.25);
+        let fill = |of: &dyn Fn([usize; 3]) -> Vector3<f64>| {
+            let mut vectors = Vec::new();
+            for brick in 0..2 {
+                for slot in 0..512 {
+                    let voxel = [8 * brick + slot % 8, slot / 8 % 8, slot / 64];
+                    let v = of(voxel);
+                    vectors.push([v.x as f32, v.y as f32, v.z as f32]);
+                }
+            }
+            FieldBricks::of_bricks([16, 8, 8], &[0, 1], vectors.into()).unwrap()
+        };
+        let place = |voxel: [usize; 3]| grid.world(VoxelIndex(voxel).into()).0;
+        let linear = |voxel| way_back * place(voxel);
+        let truth = 1.0 / (Matrix3::identity() + way_back).determinant();
+        let whole = Displacement::new(grid.clone(), fill(&|_| Vector3::zeros()), fill(&linear)).unwrap();
+        for voxel in [[0, 0, 0], [7, 3, 2], [8, 4, 4], [15, 7, 7]] {
+            let told = Overlay::Volume.value(&whole, voxel).unwrap();
+            assert!((told - truth).abs() < 1e-4, "{told} at {voxel:?} for {truth}");
+        }
+        // Cut between the seventh and the eighth: the lips are 6 mm apart, a voxel between them is vacated.
+        let cut = |voxel: [usize; 3]| linear(voxel) + Vector3::x() * if voxel[0] > 7 { -3.0 } else { 3.0 };
+        let flags = |of: &dyn Fn([usize; 3]) -> u8| -> Vec<u8> {
+            (0..grid.len()).map(|i| of(grid.index(i).0)).collect()
+        };
+        let is_gap = |voxel: [usize; 3]| voxel[0] == 7;
+        let sides = flags(&|voxel| if voxel[0] > 7 { 2 << 2 } else { 1 << 2 });
+        let vacated = flags(&|voxel| u8::from(is_gap(voxel)));
+        let parted = Displacement::new(grid.clone(), fill(&|_| Vector3::zeros()), fill(&cut)).unwrap();
+        let parted = parted.with_vacated(vacated.into()).unwrap().with_sides(sides.into()).unwrap();
+        for voxel in [[6, 3, 2], [8, 3, 2], [5, 0, 7], [9, 7, 0]] {
+            let told = Overlay::Volume.value(&parted, voxel).unwrap();
+            assert!((told - truth).abs() < 1e-4, "{told} at {voxel:?} beside the cut, for {truth}");
+        }
+        for overlay in Overlay::ALL {
+            assert_eq!(overlay.value(&parted, [7, 3, 2]), None);
+        }
+    }
+
+    #[test]
     fn scales_have_round_ends_and_colours_their_own() {
         let ends = [0.0, 0.011, 1.0, 1.2, 4.9, 12.0, 60.0].map(|most| Overlay::Motion.scale(most)[1]);
         let wanted = [0.01, 0.02, 1.0, 2.0, 5.0, 20.0, 100.0];

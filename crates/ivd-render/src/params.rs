@@ -142,7 +142,7 @@ impl Side {
 #[serde(rename_all = "lowercase")]
 pub enum Fit {
     /// All that is seen: bricks (8³ voxels) that the transfer function doesn't leave clear, that reach the isovalue, or whose values rise above
-    /// the lowest twentieth of a projection's range; of a deformed volume at rest and as it is deformed.
+    /// the lowest twentieth of a projection's window; of a deformed volume at rest and as it is deformed.
     #[default]
     Visible,
     /// The sphere round the whole volume, across the shorter side, whatever the angles.
@@ -338,9 +338,11 @@ impl RenderParams {
     /// Checks what the schema of a field can't say.
     pub(crate) fn check_together(&self) -> Result<(), ParamError> {
         self.check_mode()?;
-        if let Some([low, high]) =
-            self.window.filter(|[low, high]| !(low.is_finite() && low < high && high.is_finite()))
-        {
+        if let Some([low, high]) = self.window.filter(|[low, high]| {
+            !(low < high
+                && ((high - low) as f32).is_finite()
+                && ((low.abs() + high.abs()) as f32).is_finite())
+        }) {
             let remedy = "give the value that is black, then a greater one that is white";
             return Err(ParamError::new("window", format!("{low}, {high}"), remedy));
         }
@@ -381,7 +383,7 @@ mod tests {
         assert_eq!(bad(RenderParams { size: [0, 8], ..ok() }), "size.0");
         assert_eq!(bad(RenderParams { step: f64::NAN, ..ok() }), "step");
         assert_eq!(bad(RenderParams { termination: 0.0, ..ok() }), "termination");
-        for window in [[1.0, 1.0], [2.0, 1.0], [0.0, f64::INFINITY], [f64::NAN, 1.0]] {
+        for window in [[1.0, 1.0], [2.0, 1.0], [0.0, f64::INFINITY], [f64::NAN, 1.0], [-1e308, 1e308]] {
             assert_eq!(bad(RenderParams { window: Some(window), ..ok() }), "window");
         }
         assert_eq!(bad(RenderParams { mode: Mode::Iso { value: f64::NAN }, ..ok() }), "iso");

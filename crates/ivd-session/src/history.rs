@@ -71,15 +71,25 @@ impl History {
     }
 
     fn again(&mut self, step: Step, before: Settings) {
-        let is_due = self.past.iter().rev().take(KEPT).all(|past| past.before.is_none());
+        let is_due = self.past.iter().rev().take(KEPT - 1).all(|past| past.before.is_none());
         let past = Past { step, before: is_due.then(|| Box::new(before)) };
         self.bytes += past.bytes();
         self.past.push_back(past);
-        // The oldest has what was before it.
-        while self.bytes > MOST_BYTES || self.past.front().is_some_and(|oldest| oldest.before.is_none()) {
-            let Some(oldest) = self.past.pop_front() else { break };
-            self.bytes -= oldest.bytes();
+        // The last stays, however large it is.
+        while self.bytes > MOST_BYTES && self.past.len() > 1 {
+            self.let_go();
         }
+    }
+
+    /// Lets the oldest step go; the one after it takes over what was before it.
+    fn let_go(&mut self) {
+        let Some(oldest) = self.past.pop_front() else { return };
+        self.bytes -= oldest.bytes();
+        let Some(next) = self.past.front_mut().filter(|next| next.before.is_none()) else { return };
+        let before = oldest.before.and_then(|before| before.after_all(&oldest.step.events).ok());
+        self.bytes -= next.bytes();
+        next.before = before.map(Box::new);
+        self.bytes += next.bytes();
     }
 
     /// The settings before the last step; `None` where there is no step.

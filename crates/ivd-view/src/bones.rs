@@ -21,7 +21,7 @@ impl Window {
             }
             ui.end_row();
             for bone in &figures.bones {
-                self.bone(ui, bone);
+                self.bone(ui, &self.pending.bone(bone));
                 ui.end_row();
             }
         });
@@ -31,6 +31,11 @@ impl Window {
     /// A row: degrees about the bone's axis, and mm along the patient's axes.
     fn bone(&mut self, ui: &mut Ui, bone: &Bone) {
         let Bone { id, name, pivot, axis, angle, by, .. } = bone;
+        let Some(pivot) = pivot else {
+            ui.label(format!("Bone {name}"));
+            ui.weak("give it a pivot in the scene");
+            return;
+        };
         let about = format!(
             "turns about {} along {}",
             pivot.map(|c| format!("{c:.1}")).join(", "),

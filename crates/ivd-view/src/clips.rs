@@ -1,7 +1,7 @@
 //! Planes and boxes that clip.
 
 use egui::{ComboBox, DragValue, Ui};
-use ivd_frames::{ClipPart, Clipped, Cuboid, Figures, HalfSpace, Lies, Pane, Request};
+use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Pane, Request};
 
 use crate::over::name;
 use crate::side::{Scale, slider};
@@ -11,6 +11,12 @@ use crate::window::Window;
 const SPEED: f64 = 0.25;
 /// What lies at both ends of the patient's axes.
 const SIDES: [[&str; 2]; 3] = [["left", "right"], ["back", "front"], ["lower part", "upper part"]];
+/// The same where a scan doesn't say how it lies in a patient.
+const ENDS: [[&str; 2]; 3] = [
+    ["side of smaller x", "side of greater x"],
+    ["side of smaller y", "side of greater y"],
+    ["side of smaller z", "side of greater z"],
+];
 /// Where they go; no wider than the panel.
 const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
 
@@ -32,9 +38,9 @@ impl Window {
         }
         self.clip_in(ui, figures);
         for one in &figures.clips {
-            match &one.part {
-                ClipPart::Plane(plane) => self.plane(ui, figures, one.id, plane),
-                ClipPart::Box(cuboid) => self.cuboid(ui, one, cuboid),
+            match self.pending.clip(one.id, one.part) {
+                ClipPart::Plane(plane) => self.plane(ui, figures, one.id, &plane),
+                ClipPart::Box(cuboid) => self.cuboid(ui, one.id, figures, &cuboid),
             }
         }
     }
@@ -73,7 +79,7 @@ impl Window {
         let middle: [f64; 3] = std::array::from_fn(|a| f64::midpoint(low[a], high[a]));
         let half: f64 = (0..3).map(|a| 0.5 * (high[a] - low[a]) * normal[a].abs()).sum();
         let there: f64 = (0..3).map(|a| (plane.point[a] - middle[a]) * normal[a]).sum();
-        ui.strong(format!("Plane {id} keeps the {}", side(normal)));
+        ui.strong(format!("Plane {id} keeps the {}", side(normal, figures.letters.is_some())));
         let full = format!("Plane {id}");
         let mut at = self.value(&full, there);
         for response in slider(ui, &full, "mm from the middle", &mut at, -half..=half, Scale::Even) {
@@ -91,8 +97,7 @@ impl Window {
         });
     }
 
-    fn cuboid(&mut self, ui: &mut Ui, one: &Clipped, cuboid: &Cuboid) {
-        let id = one.id;
+    fn cuboid(&mut self, ui: &mut Ui, id: u32, figures: &Figures, cuboid: &Cuboid) {
         ui.strong(format!("Box {id} keeps what lies in it"));
         for (a, axis) in ["x", "y", "z"].into_iter().enumerate() {
             ui.horizontal(|ui| {
@@ -110,7 +115,7 @@ impl Window {
                     let part = ClipPart::Box(moved);
                     self.turned(&field, (&full, ends[end]), || Request::MoveClip { clip: id, part });
                 }
-                ui.weak(WAYS[a]);
+                ui.weak(if figures.letters.is_some() { WAYS[a] } else { "mm" });
             });
         }
         ui.horizontal(|ui| self.take_away(ui, id, "box"));
@@ -129,10 +134,11 @@ fn unit(way: [f64; 3]) -> [f64; 3] {
     way.map(|c| c / length.max(f64::MIN_POSITIVE))
 }
 
-/// The side of the patient that a direction goes to most.
-fn side(way: [f64; 3]) -> &'static str {
+/// The side that a direction goes to most: of the patient, where it is known how they lie.
+fn side(way: [f64; 3], is_patient: bool) -> &'static str {
     let axis = (0..3).fold(0, |best, a| if way[a].abs() > way[best].abs() + 1e-9 { a } else { best });
-    SIDES[axis][usize::from(way[axis] > 0.0)]
+    let words = if is_patient { SIDES } else { ENDS };
+    words[axis][usize::from(way[axis] > 0.0)]
 }
 
 #[cfg(test)]
@@ -141,8 +147,8 @@ mod tests {
 
     #[test]
     fn sides_are_the_patients() {
-        assert_eq!(side([0.9, -0.2, 0.1]), "right");
-        assert_eq!([side([0.0, -1.0, 0.5]), side([0.0, 0.1, -0.5])], ["back", "lower part"]);
+        assert_eq!([true, false].map(|known| side([0.9, -0.2, 0.1], known)), ["right", "side of greater x"]);
+        assert_eq!([side([0.0, -1.0, 0.5], true), side([0.0, 0.1, -0.5], true)], ["back", "lower part"]);
         assert_eq!(unit([0.0, 3.0, 4.0]), [0.0, 0.6, 0.8]);
     }
 }

@@ -26,6 +26,7 @@ impl Window {
             return;
         };
         let space = cut.id;
+        let cut = &self.pending.incision(cut);
         let mut open = self.value("Lips apart", cut.open);
         let widest = OPENEST * cut.radius;
         for response in slider(ui, "Lips apart", "mm", &mut open, 0.0..=widest, Scale::Even) {
@@ -35,9 +36,9 @@ impl Window {
         let mut radius = self.value("Radius of the cut", cut.radius);
         let largest = self.extent_mm().max(1.0);
         for response in slider(ui, "Radius of the cut", "mm", &mut radius, 0.5..=largest, Scale::Ratios) {
-            // As open for its length as it was: a short one that is wide would fold.
+            // As open for its length as it was.
             let radius = radius.max(1e-3);
-            let open = cut.open.min(OPENEST * radius);
+            let open = cut.open / cut.radius * radius;
             self.turned(&response, ("Radius of the cut", radius), || Request::Open { space, radius, open });
         }
         ui.horizontal(|ui| {
@@ -65,8 +66,11 @@ impl Window {
 fn line(figures: &Figures, pane: Pane, way: [f64; 2]) -> Option<Request> {
     let middle = figures.cross_at[pane.number()]?;
     let extent = figures.slices[pane.number() - 1].extent_mm;
-    let end = |sign: f64| {
-        [0, 1].map(|a| (middle[a] + sign * way[a] * figures.radius / extent[a]).clamp(0.001, 0.999))
-    };
+    // As far to one side as to the other.
+    let half = [0, 1].map(|a| {
+        let room = middle[a].min(1.0 - middle[a]) - 0.001;
+        way[a] * (figures.radius / extent[a]).min(room.max(0.0))
+    });
+    let end = |sign: f64| [0, 1].map(|a| middle[a] + sign * half[a]);
     Some(Request::Stroke { pane, from: end(-1.0), to: end(1.0) })
 }

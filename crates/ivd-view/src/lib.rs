@@ -23,6 +23,7 @@ mod made;
 mod opened;
 mod over;
 mod pane;
+mod pending;
 mod received;
 mod run;
 mod shown;

@@ -82,7 +82,11 @@ impl Window {
                 ui.label("N/m stiff");
             });
             let differs = wish != Wish::of(made);
-            let again = ui.add_enabled(differs, egui::Button::new("Make again"));
+            // How the session was opened that a log goes on from isn't known here.
+            let goes_on = self.work.as_ref().is_some_and(|work| work.goes_on);
+            let again = ui.add_enabled(differs && !goes_on, egui::Button::new("Make again"));
+            let why_not = "This went on from a log: save the scene, and open that";
+            let again = if goes_on { again.on_disabled_hover_text(why_not) } else { again };
             if again.on_hover_text("Opens the same once more, made so").clicked() {
                 self.make_again(&wish, made, ui.ctx());
             }
@@ -98,6 +102,11 @@ impl Window {
         match otherwise
             .and_then(|otherwise| otherwise.read().map(|_| otherwise).map_err(|error| error.to_string()))
         {
+            Ok(otherwise) if otherwise == source => {
+                let problem =
+                    "what is made of it is said by the scene itself: say another value, or change the scene";
+                self.complain(problem.to_owned());
+            }
             Ok(otherwise) => {
                 self.before = Some([otherwise.clone(), source]);
                 self.open(otherwise, context);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::{Align2, Area, Color32, Context, Frame, Id, Margin, Order, vec2};
 use ivd_core::{Classified as _, ErrorClass};
-use ivd_frames::Saved;
+use ivd_frames::{Saved, Source};
 
 use crate::dialogs::Dialog;
 use crate::window::Window;
@@ -50,6 +50,8 @@ impl Window {
         if let Some(frame) = frame {
             work.went_on();
             self.asked = None;
+            self.before = None;
+            self.pending.shown(&frame.figures);
             self.shown.frame(frame, context);
         }
         for problem in problems {
@@ -90,11 +92,16 @@ impl Window {
         let left = self.work.take();
         self.clear();
         if error.error_class() == ErrorClass::Cancelled {
+            let of = left.as_ref().map(|work| work.source.clone());
             if let Some(work) = left {
                 work.close();
             }
-            self.word =
-                Some(Word { text: "Opening was stopped.".to_owned(), until: None, is_problem: false });
+            let mut text = "Opening was stopped.".to_owned();
+            if let Some(before) = self.as_before(of.as_ref()) {
+                text += " It is opened as it was.";
+                self.begin(&before, None, context);
+            }
+            self.word = Some(Word { text, until: None, is_problem: false });
         } else if had_frames {
             // Its log stays.
             drop(left);
@@ -107,14 +114,20 @@ impl Window {
             if let Some(work) = left {
                 work.close();
             }
-            match self.before.take().filter(|[again, _]| of.as_ref() == Some(again)) {
-                Some([_, before]) => {
+            match self.as_before(of.as_ref()) {
+                Some(before) => {
                     self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
                     self.begin(&before, None, context);
                 }
                 None => self.failed("This can't be opened", &error.to_string()),
             }
         }
+    }
+
+    /// What was open before the same was to be made otherwise.
+    fn as_before(&mut self, of: Option<&Source>) -> Option<Source> {
+        let [_, before] = self.before.take().filter(|[again, _]| of == Some(again))?;
+        Some(before)
     }
 
     /// Tells what was done, or why it wasn't, over the pictures: nothing changes its size.

@@ -34,7 +34,7 @@ pub struct Wanted {
     pub title: String,
     /// What it names.
     pub kind: Kind,
-    /// Where the dialog begins, and what a file to be written may be called.
+    /// Where the dialog begins, if it can be told, and what a file to be written may be called.
     pub at: PathBuf,
 }
 
@@ -110,8 +110,8 @@ pub(crate) enum Purpose {
 /// A dialog of the system that is shown.
 pub(crate) struct Asked {
     purpose: Purpose,
-    since: Instant,
-    answer: Receiver<Option<PathBuf>>,
+    /// What is answered, and how soon.
+    answer: Receiver<(Option<PathBuf>, Duration)>,
 }
 
 impl Window {
@@ -129,16 +129,23 @@ impl Window {
                 Wanted { title: format!("Save {word}"), kind: Kind::New, at }
             }
         };
-        let ask = self.options.chooser.0.clone().filter(|_| self.chooses.take().is_none());
+        let again = self.chooses.take().is_some();
+        if again {
+            // Nothing waits for what nobody asks for any more.
+            self.waits = None;
+        }
+        let ask = self.options.chooser.0.clone().filter(|_| !again);
         let asked = ask.and_then(|ask| {
             let (choosing, context) = (ask(&wanted), context.clone());
             let (done, answer) = channel();
             let wait = move || {
-                let _ = done.send(pollster::block_on(choosing));
+                let since = Instant::now();
+                let path = pollster::block_on(choosing);
+                let _ = done.send((path, since.elapsed()));
                 context.request_repaint();
             };
             std::thread::Builder::new().name("files".to_owned()).spawn(wait).ok()?;
-            Some(Asked { purpose, since: Instant::now(), answer })
+            Some(Asked { purpose, answer })
         });
         match asked {
             Some(asked) => self.chooses = Some(asked),
@@ -152,8 +159,8 @@ impl Window {
         let answer = match asked.answer.try_recv() {
             Err(TryRecvError::Empty) => return,
             Err(TryRecvError::Disconnected) => Err(asked.purpose),
-            Ok(None) if asked.since.elapsed() < AT_ONCE => Err(asked.purpose),
-            Ok(path) => Ok((asked.purpose, path)),
+            Ok((None, after)) if after < AT_ONCE => Err(asked.purpose),
+            Ok((path, _)) => Ok((asked.purpose, path)),
         };
         self.chooses = None;
         match answer {

@@ -10,6 +10,7 @@ use crate::gestures::Hands;
 use crate::layout::Layout;
 use crate::made::Wish;
 use crate::pane::places;
+use crate::pending::Pending;
 use crate::received::Word;
 use crate::run::Options;
 use crate::shown::Shown;
@@ -36,6 +37,8 @@ pub struct Window {
     pub(crate) waits: Option<Then>,
     /// A slider or field that is held, and its value.
     pub(crate) turning: Option<(String, f64)>,
+    /// What was asked for a part and isn't shown yet.
+    pub(crate) pending: Pending,
     /// What the body is to be made of.
     pub(crate) wish: Option<Wish>,
     /// What is made again, and what was open before it, to go back to.
@@ -71,6 +74,7 @@ impl Window {
             chooses: None,
             waits: None,
             turning: None,
+            pending: Pending::default(),
             wish: None,
             before: None,
             place: String::new(),
@@ -162,6 +166,7 @@ impl Window {
     /// Asks the service.
     pub(crate) fn ask(&mut self, request: Request) {
         if let Some(work) = &self.work {
+            self.pending.ask(&request);
             work.ask(request);
             self.asked.get_or_insert_with(Instant::now);
         }

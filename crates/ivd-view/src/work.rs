@@ -31,6 +31,8 @@ pub(crate) struct Work {
     journal: Arc<Mutex<Option<Journal>>>,
     /// The log that it goes on from.
     left: Option<Left>,
+    /// Whether it went on from one.
+    pub(crate) goes_on: bool,
 }
 
 impl Work {
@@ -85,7 +87,8 @@ impl Work {
             Ok(Begun { entries, line, model: Model::new(subject, SIZE, its)? })
         };
         let service = Service::start(open, exec, move |output| to.take(output))?;
-        Ok(Self { service: Some(service), cancel, shared, source: again, of, scan, journal, left })
+        let goes_on = left.is_some();
+        Ok(Self { service: Some(service), cancel, shared, source: again, of, scan, journal, left, goes_on })
     }
 
     /// Asks the service.

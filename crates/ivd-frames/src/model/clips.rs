@@ -31,7 +31,7 @@ impl Model {
         }
     }
 
-    /// Clips by a part more, which lies where it is seen.
+    /// Clips by a part more. A plane goes through what is seen at its point, wherever planes lie; a box has the numbers that it is given.
     fn clip_by(&mut self, part: ClipPart) -> Result<(), Error> {
         let clip = &self.session.settings().clip;
         if clip.rule.invert {

@@ -404,6 +404,10 @@ impl Model {
                 self.touch(&Pane::ALL[1..]);
             }
         }
+        if self.overlay.is_some() {
+            // Its scale goes by the longest motion.
+            self.touch(&[Pane::Axial, Pane::Coronal, Pane::Sagittal]);
+        }
         self.refused = None;
         self.find_spots()
     }

@@ -74,13 +74,18 @@ impl Model {
                 let settings = self.session.settings();
                 let there = cut_of(settings);
                 let core = there.as_ref().map_or(CORE, |(_, cut)| cut.core);
-                let step = Step::Cut(Cut { centre, normal, radius, core, open });
+                let cut = |centre| Step::Cut(Cut { centre, normal, radius, core, open });
                 let is_last = |id: Id| settings.space.last().is_some_and(|last| last.id == id);
                 match there {
-                    Some((space, _)) if is_last(space) => self.apply(Event::SetSpace { space, step }),
-                    // Where it is seen is where the last step has taken it: the cut comes behind that.
+                    // What is seen there has been moved by the lips of the cut before, which close.
+                    Some((space, was)) if is_last(space) => {
+                        self.apply(Event::SetSpace { space, step: cut(was.closed(centre)) })
+                    }
+                    // The new one comes behind the steps that came after that.
                     Some((space, was)) => self.as_one("change a cut", |model| {
+                        let at_rest = model.session.rest_of(centre);
                         model.apply(Event::RemoveSpace { space })?;
+                        let step = cut(model.session.moved(at_rest));
                         model.apply(Event::Space { id: None, step })?;
                         // Within a step that goes on: what was there comes back.
                         let Some(refused) = model.refused.take() else { return Ok(()) };
@@ -88,7 +93,7 @@ impl Model {
                         model.refused = Some(refused);
                         Ok(())
                     }),
-                    None => self.apply(Event::Space { id: None, step }),
+                    None => self.apply(Event::Space { id: None, step: cut(centre) }),
                 }
             }
             Request::Open { space, radius, open } => match cut_of(self.session.settings()) {

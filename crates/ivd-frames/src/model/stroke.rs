@@ -17,6 +17,9 @@ const SHORTEST: f64 = 2.0;
 /// So many places of a line are looked at, at most, for something that is seen.
 const LOOKED_AT: f64 = 512.0;
 
+/// What to do instead.
+const DRAW: &str = "draw a line over the body, from one end of the cut to the other";
+
 fn wrong(problem: &str, remedy: &'static str) -> Error {
     Error::Request { what: "cut", problem: problem.to_owned(), remedy }
 }
@@ -28,7 +31,7 @@ impl Model {
         let places = [self.look(pane, from)?, self.look(pane, halfway)?, self.look(pane, to)?];
         let [Some(first), Some(centre), Some(last)] = places.map(|place| place.map(Vector3::from)) else {
             let problem = if from == to { "nothing is seen there" } else { "the line leaves what is seen" };
-            return Err(wrong(problem, "draw a line over the body, from one end of the cut to the other"));
+            return Err(wrong(problem, DRAW));
         };
         let grid = self.session.rest().grid();
         // Over what is round a line is longer than from end to end; over what leaps away behind an edge it isn't as long as the leap.
@@ -37,7 +40,7 @@ impl Model {
         let drawn = (right * (to[0] - from[0]) + down * (to[1] - from[1])).norm();
         let radius = over.min(drawn);
         if 2.0 * radius < SHORTEST * grid.voxel_diagonal() {
-            return Err(wrong("the line is too short", "draw it from one end of the cut to the other"));
+            return Err(wrong("the line is too short", DRAW));
         }
         let along = last - first;
         let sight = if pane == Pane::Volume {
@@ -64,7 +67,7 @@ impl Model {
         if values.any(|value| self.window.grey(value) > 0) {
             return Ok(());
         }
-        Err(wrong("nothing is seen there", "draw a line over the body, from one end of the cut to the other"))
+        Err(wrong("nothing is seen there", DRAW))
     }
 
     /// The cut that there is, and where the panes show its mouth.

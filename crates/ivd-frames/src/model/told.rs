@@ -35,7 +35,7 @@ impl Figures {
             letters: lettered.then(|| letters(&model.lens)),
             handles: model.spots.clone(),
             pins: model.pins.clone(),
-            bones: settings.bones.iter().map(|one| bone(model, one)).collect(),
+            bones: settings.bones.iter().map(bone).collect(),
             space: settings.space.iter().map(|one| one.id).collect(),
             incision: model.incision(),
             clips: settings.clip.parts.iter().map(|one| Clipped { id: one.id, part: one.what }).collect(),
@@ -72,15 +72,13 @@ impl Figures {
     }
 }
 
-/// A bone; one without a point to turn about turns about its own middle.
-fn bone(model: &Model, one: &Numbered<deform::Bone>) -> Bone {
+/// A bone; one without a point to turn about turns about the middle of where it is said to lie.
+fn bone(one: &Numbered<deform::Bone>) -> Bone {
     let told = &one.what;
-    let [low, high] = model.session.rest().grid().extent();
-    let middle = std::array::from_fn(|a| f64::midpoint(low[a], high[a]));
     Bone {
         id: one.id,
         name: told.name.clone().unwrap_or_else(|| one.id.to_string()),
-        pivot: told.pivot.or(told.ball().0).unwrap_or(middle),
+        pivot: told.pivot.or(told.ball().0),
         axis: told.axis.unwrap_or(RigidTransform::NONE.axis),
         angle: told.angle.unwrap_or(0.0),
         by: told.by.unwrap_or([0.0; 3]),

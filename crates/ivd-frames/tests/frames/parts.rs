@@ -206,8 +206,14 @@ fn planes_go_with_the_body_or_stand_still() {
 fn bones_are_told_and_turned() {
     let mut model = model(&format!("{BALL}{BONED}"));
     let bone = model.figures().bones[0].clone();
-    assert_eq!((&*bone.name, bone.pivot, bone.angle, bone.by), ("0", [16.0, 16.0, 5.0], 0.0, [0.0; 3]));
-    let turn = Request::Turn { bone: 0, pivot: bone.pivot, axis: bone.axis, angle: 5.0, by: [0.0, 0.5, 0.0] };
+    assert_eq!((&*bone.name, bone.pivot, bone.angle, bone.by), ("0", Some([16.0, 16.0, 5.0]), 0.0, [0.0; 3]));
+    let turn = Request::Turn {
+        bone: 0,
+        pivot: bone.pivot.unwrap(),
+        axis: bone.axis,
+        angle: 5.0,
+        by: [0.0, 0.5, 0.0],
+    };
     let told = follow(&mut model, &turn);
     assert_eq!((told.refused, told.undo.as_deref()), (None, Some("turn a bone")));
     let now = told.bones[0].clone();
@@ -279,4 +285,21 @@ fn colours_over_slices_tell_of_what_moved_and_change_nothing() {
     }
     let none = follow(&mut model, &Request::Overlay { of: None });
     assert!(none.overlay.is_none() && coloured(&draw(&model)).is_empty());
+}
+
+#[test]
+fn a_second_line_cuts_what_it_is_drawn_over() {
+    let mut model = model(BALL);
+    follow(&mut model, &stroke(Pane::Axial, [0.5, 0.3], [0.5, 0.7]));
+    follow(&mut model, &Request::Open { space: 0, radius: 9.0, open: 3.0 });
+    // Beside a lip, which the first cut has moved; that closes.
+    let at = [0.62, 0.5];
+    let seen = follow(&mut model, &Request::Hover { pane: Pane::Axial, at }).hovered.unwrap().place;
+    let rest = model.session().rest_of(seen);
+    let told = follow(&mut model, &stroke(Pane::Axial, [at[0], 0.35], [at[0], 0.65]));
+    assert_eq!(told.refused, None);
+    let cut = told.incision.unwrap();
+    let far = |place: [f64; 3]| (Vector3::from(cut.centre) - Vector3::from(place)).norm();
+    assert!(far(rest) < 0.05 && far(seen) > 0.5, "{} from what it lies over, {}", far(rest), far(seen));
+    assert_as_piped(&model);
 }

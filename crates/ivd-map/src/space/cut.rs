@@ -40,6 +40,9 @@ pub struct Cut {
     pub open: f64,
 }
 
+/// Steps by which a place goes back: where nothing folds each leaves less than half of what is left, or nearly so.
+const ITERATIONS: usize = 64;
+
 /// A side of a cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Side {
@@ -72,6 +75,21 @@ impl Cut {
         }
         let half = Vector3::from(self.normal).normalize() * (0.5 * self.open * weight);
         if side == Side::Above { point + half } else { point - half }
+    }
+
+    /// Where a place (mm, RAS) that is seen with the cut open lies with it closed; of a place between its lips, one of the plane.
+    pub fn closed(&self, seen: [f64; 3]) -> [f64; 3] {
+        let (seen, normal) = (Vector3::from(seen), Vector3::from(self.normal).normalize());
+        let side = if self.height(seen) >= 0.0 { Side::Above } else { Side::Below };
+        let up = if side == Side::Above { 1.0 } else { -1.0 };
+        let mut closed = seen;
+        for _ in 0..ITERATIONS {
+            let next = closed + seen - self.apply(closed, 1.0, side);
+            // Nothing comes from beyond the plane.
+            let beyond = (up * self.height(next)).min(0.0);
+            closed = next - normal * (up * beyond);
+        }
+        closed.into()
     }
 
     /// Distance from the plane (mm); above it ≥ 0.

@@ -403,3 +403,19 @@ fn what_does_not_fit_together_is_named() {
     let bad = curve(Over::Along, Way::Shift, &[[1.0, 0.0], [1.0, 2.0]]);
     assert!(told(&[Step::Curve(bad)], &none).contains("ascend"));
 }
+
+#[test]
+fn a_place_beside_an_open_cut_goes_back_to_where_it_was() {
+    let cut = Cut { centre: [3.0, -2.0, 1.0], normal: [1.0, 2.0, -0.5], radius: 20.0, core: 0.4, open: 6.0 };
+    for i in 0..400 {
+        let part = |n: usize| 0.1 * ((i * n) % 401) as f64 - 20.0;
+        let place = Vector3::from([part(7), part(31), part(113)]);
+        let side = if cut.height(place) >= 0.0 { Side::Above } else { Side::Below };
+        let back = Vector3::from(cut.closed(cut.apply(place, 1.0, side).into()));
+        assert!((back - place).norm() < 1e-9, "{place} comes back to {back}");
+    }
+    // Between the lips.
+    let between = Vector3::from(cut.centre) + 0.1 * Vector3::from(cut.normal);
+    assert!(cut.height(Vector3::from(cut.closed(between.into()))).abs() < 1e-9);
+    assert_eq!(cut.closed([100.0; 3]), [100.0; 3]);
+}

@@ -392,7 +392,7 @@ for (const name of panes) {
     draw();
   };
   canvas.addEventListener("pointerup", released);
-  canvas.addEventListener("pointercancel", () => { if (press?.does === "handle") now({ do: "abandon" }); press = null; lock = null; });
+  canvas.addEventListener("pointercancel", () => { if (press?.does === "handle") now({ do: "abandon" }); press = null; lock = null; draw(); });
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     if (!drives || !figures) return;
@@ -416,6 +416,7 @@ addEventListener("keydown", (event) => {
   if (event.key === "Escape") {
     if (press?.does === "handle") { wanted = wanted?.filter((one) => one.do !== "drag") ?? null; now({ do: "abandon" }); }
     press = null;
+    if (figures) draw();
     if (!$("keys").hidden) $("help").click();
     return;
   }
