@@ -75,7 +75,7 @@ fn a_click_with_the_tool_says_that_a_line_is_drawn_and_esc_gives_one_up() {
     let at = here.rect("Axial slice").center();
     button(&mut here, at, true);
     button(&mut here, at, false);
-    here.until("what to do", |here| here.has("draw it from one end of the cut to the other"));
+    here.until("what to do", |here| here.has("from one end of the cut to the other"));
     button(&mut here, at, true);
     here.harness.hover_at(at + vec2(60.0, 0.0));
     here.harness.step();
