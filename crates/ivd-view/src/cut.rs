@@ -42,7 +42,11 @@ impl Window {
             self.turned(&response, ("Radius of the cut", radius), || Request::Open { space, radius, open });
         }
         ui.horizontal(|ui| {
-            if ui.button("Close the cut").on_hover_text("What was cut is whole again").clicked() {
+            if ui
+                .button("Close the cut")
+                .on_hover_text("The cut goes; what was cut is whole again. Lips apart by 0 keep it")
+                .clicked()
+            {
                 self.ask(Request::Close { space });
             }
             ui.weak("Another line moves it.");

@@ -74,7 +74,14 @@ impl Window {
         match kept {
             Ok(place) => {
                 self.notes.push(format!("written: {place}"));
-                self.word = Some(Word { text: format!("Written: {place}"), until: None, is_problem: false });
+                let clips = self.shown.figures().map_or(0, |figures| figures.clips.len());
+                let without = match clips {
+                    1 if what == Some(Saved::Volume) => ", without what the plane or box takes away",
+                    2.. if what == Some(Saved::Volume) => ", without what planes and boxes take away",
+                    _ => "",
+                };
+                let text = format!("Written: {place}{without}");
+                self.word = Some(Word { text, until: None, is_problem: false });
                 if let Some(then) = self.waits.take().filter(|_| is_scene) {
                     self.then(then, context);
                 }

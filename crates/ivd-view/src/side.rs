@@ -8,6 +8,8 @@ use crate::window::Window;
 
 /// Level that the slider ends at; higher ones have a handful of vertices.
 const LEVELS: u8 = 8;
+/// Where stiffness shows.
+const STIFFNESS: &str = "Of springs. It shows where something is pulled with a force, or where matter differs: what is moved goes where the hand is, however stiff all of it is.";
 /// Stiffness that the slider ends at (N/m).
 const STIFFEST: f64 = 1e5;
 
@@ -77,6 +79,7 @@ impl Window {
         let mut stiffness = self.value("Stiffness", figures.stiffness);
         for response in slider(ui, "Stiffness", "N/m", &mut stiffness, 1e-2..=STIFFEST, Scale::Ratios) {
             let request = || Request::Stiffness { stiffness };
+            let response = response.on_hover_text(STIFFNESS);
             self.turned(&response, ("Stiffness", stiffness), request);
         }
         let mut level = self.value("Level", f64::from(figures.level));

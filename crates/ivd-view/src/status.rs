@@ -10,6 +10,9 @@ use crate::window::Window;
 /// What comes within so long needs no word.
 const SOON: Duration = Duration::from_millis(300);
 
+/// What a figure of the line means.
+const DET_J: &str = "Largest motion: of any voxel. det J: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
+
 impl Window {
     /// Shows the line.
     pub(crate) fn status(&mut self, ui: &mut Ui) {
@@ -25,7 +28,7 @@ impl Window {
                     let text = [works, self.under_the_pointer(), self.shown.figures().map(told)];
                     let text: Vec<String> = text.into_iter().flatten().collect();
                     let text = if text.is_empty() { self.goes_on() } else { text.join(" · ") };
-                    ui.add(egui::Label::new(text).truncate());
+                    ui.add(egui::Label::new(text).truncate()).on_hover_text(DET_J);
                 });
             });
         });

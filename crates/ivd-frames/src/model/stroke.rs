@@ -12,6 +12,8 @@ use crate::{Error, Pane, Request};
 
 /// How far the lips of a new cut are apart, as a share of its radius.
 const OPEN: f64 = 0.25;
+/// They are no further apart at first (mm).
+const WIDEST: f64 = 5.0;
 /// A line is no shorter than so many voxel diagonals: a click is none.
 const SHORTEST: f64 = 2.0;
 /// So many places of a line are looked at, at most, for something that is seen.
@@ -54,7 +56,7 @@ impl Model {
             return Err(wrong("the line goes straight away from you", "turn the volume first"));
         }
         let (centre, normal) = (centre.into(), normal.normalize().into());
-        self.change_part(&Request::Incise { centre, normal, radius, open: OPEN * radius })
+        self.change_part(&Request::Incise { centre, normal, radius, open: (OPEN * radius).min(WIDEST) })
     }
 
     /// Refuses a line over a slice where all of it is black.
