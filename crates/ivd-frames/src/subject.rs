@@ -16,7 +16,7 @@ use ivd_pipeline::scene::{Loaded, OutputSection, Override, Picture, Scene, parse
 use ivd_pipeline::{PipelineOptions, Runner, StageResult, run_node};
 use ivd_render::{
     AttenuatedMipParams, ClipSpace, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams,
-    Mode, RenderParams, Surroundings,
+    RenderParams, Surroundings,
 };
 use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
@@ -233,10 +233,9 @@ fn check(scene: &Scene) -> Result<(), Error> {
 /// How a scene's pictures are drawn, and with a transfer function the classes. What takes light away isn't: it takes seconds.
 fn drawn(scene: &Scene) -> Result<(RenderParams, Option<ivd_render::ClassLooks>), Error> {
     let stage = &ivd_render::STAGE;
-    if let Some(dvr) = scene.get::<DvrParams>(stage) {
-        return Ok((RenderParams { mode: Mode::Dvr, ..dvr.picture.clone() }, Some(dvr.classes.clone())));
-    }
-    let asked = None
+    let coloured = scene.get::<DvrParams>(stage);
+    let asked = coloured
+        .map(|dvr| Ok(dvr.asked()))
         .or_else(|| scene.get(stage).map(MipParams::asked))
         .or_else(|| scene.get(stage).map(MinipParams::asked))
         .or_else(|| scene.get(stage).map(MeanParams::asked))
@@ -245,7 +244,8 @@ fn drawn(scene: &Scene) -> Result<(RenderParams, Option<ivd_render::ClassLooks>)
         .or_else(|| scene.get(stage).map(IsoParams::asked));
     let picture = asked.ok_or_else(|| none("render.mode"))?;
     let picture = picture.map_err(|problem| ivd_core::Error::from(problem.under(stage.name)))?;
-    Ok((RenderParams { surroundings: Surroundings::default(), ..picture }, None))
+    let picture = RenderParams { surroundings: Surroundings::default(), ..picture };
+    Ok((picture, coloured.map(|dvr| dvr.classes.clone())))
 }
 
 /// What a scene asks to be moved, as a session takes it.

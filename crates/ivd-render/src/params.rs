@@ -338,11 +338,9 @@ impl RenderParams {
     /// Checks what the schema of a field can't say.
     pub(crate) fn check_together(&self) -> Result<(), ParamError> {
         self.check_mode()?;
-        if let Some([low, high]) = self.window.filter(|[low, high]| {
-            !(low < high
-                && ((high - low) as f32).is_finite()
-                && ((low.abs() + high.abs()) as f32).is_finite())
-        }) {
+        // Both ends and their distance are numbers of 32 bits.
+        let is_window = |[low, high]: &[f64; 2]| low < high && ((low.abs() + high.abs()) as f32).is_finite();
+        if let Some([low, high]) = self.window.filter(|window| !is_window(window)) {
             let remedy = "give the value that is black, then a greater one that is white";
             return Err(ParamError::new("window", format!("{low}, {high}"), remedy));
         }

@@ -399,14 +399,10 @@ impl Model {
                 .collect();
             self.touch(&cut);
             self.touch(&[Pane::Volume]);
-            if self.overlay.is_some() {
-                // Its scale goes with the longest motion.
-                self.touch(&Pane::ALL[1..]);
-            }
         }
         if self.overlay.is_some() {
             // Its scale goes by the longest motion.
-            self.touch(&[Pane::Axial, Pane::Coronal, Pane::Sagittal]);
+            self.touch(&Pane::ALL[1..]);
         }
         self.refused = None;
         self.find_spots()

@@ -62,7 +62,8 @@ pub struct ShearWarpParams {
 }
 
 impl DvrParams {
-    fn asked(&self) -> RenderParams {
+    /// The picture that is asked for.
+    pub fn asked(&self) -> RenderParams {
         RenderParams { mode: Mode::Dvr, surroundings: self.surroundings, ..self.picture.clone() }
     }
 

@@ -324,6 +324,8 @@ function share(event, name) {
   const scale = canvas.width / box.width;
   return [((event.clientX - box.left) * scale - x) / w, ((event.clientY - box.top) * scale - y) / h];
 }
+// The same place, no further than requests may name.
+function named(at) { return at.map((c) => Math.min(2, Math.max(-1, c))); }
 // What is wanted by the next picture of the screen; of many moves the last.
 function flush() {
   const all = wanted ?? [];
@@ -366,7 +368,7 @@ for (const name of panes) {
     }
     const by = at.map((c, a) => c - press.at[a]);
     press.at = at;
-    const within = at.map((c) => Math.min(2, Math.max(-1, c)));
+    const within = named(at);
     switch (press.does) {
       case "turn": return soon({ do: "orbit", by }, sum);
       case "pan": return name === "volume" && soon({ do: "pan", by }, sum);
@@ -385,7 +387,7 @@ for (const name of panes) {
       if (name === "volume" && figures.held != null) goTo(figures.held);
     }
     if (press?.does === "incise") {
-      const [from, to] = [press.first, press.at].map((place) => place.map((c) => Math.min(2, Math.max(-1, c))));
+      const [from, to] = [press.first, press.at].map(named);
       now({ do: "stroke", pane: name, from, to });
     }
     press = null; lock = null;

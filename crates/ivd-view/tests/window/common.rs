@@ -2,7 +2,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Event, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Rect, TouchPhase, vec2};
+use egui::{Event, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, Rect, TouchPhase, vec2};
 use egui_kittest::kittest::Queryable as _;
 use egui_kittest::{Harness, TestRenderer};
 use ivd_artefact::Cache;
@@ -123,6 +123,17 @@ impl Here {
     pub(crate) fn at(&self, pane: &str, right: f32, down: f32) -> Pos2 {
         let rect = self.rect(pane);
         rect.min + vec2(right * rect.width(), down * rect.height())
+    }
+
+    /// The left button goes down there, or up.
+    pub(crate) fn button(&mut self, pos: Pos2, pressed: bool) {
+        self.harness.event(Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        });
+        self.harness.step();
     }
 
     /// Turns the wheel there, away from the hand.

@@ -1,18 +1,8 @@
 //! By mouse.
 
-use egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
+use egui::{Key, Pos2, vec2};
 
 use super::common::Here;
-
-fn button(here: &mut Here, pos: Pos2, pressed: bool) {
-    here.harness.event(Event::PointerButton {
-        pos,
-        button: PointerButton::Primary,
-        pressed,
-        modifiers: Modifiers::NONE,
-    });
-    here.harness.step();
-}
 
 /// Takes hold of the ball where it is seen, and pulls.
 fn pull(here: &mut Here) -> Pos2 {
@@ -20,7 +10,7 @@ fn pull(here: &mut Here) -> Pos2 {
     let at = here.at("Volume", 0.5, 0.5);
     here.harness.hover_at(at);
     here.harness.step();
-    button(here, at, true);
+    here.button(at, true);
     here.told("a handle is held", |told| told.held.is_some());
     let to = at + vec2(12.0, -16.0);
     here.harness.hover_at(to);
@@ -32,7 +22,7 @@ fn pull(here: &mut Here) -> Pos2 {
 fn a_drag_by_mouse_makes_a_displacement_and_one_step() {
     let mut here = Here::ball();
     let to = pull(&mut here);
-    button(&mut here, to, false);
+    here.button(to, false);
     let told = here.told("it was let go", |told| told.held.is_none() && told.undo.is_some());
     assert_eq!((told.handles.len(), told.undo.as_deref()), (1, Some("drag a new handle")));
     let by = told.handles[0].by.unwrap();
@@ -51,17 +41,17 @@ fn escape_goes_back_to_before_the_drag() {
     here.harness.key_press(Key::Escape);
     let told = here.told("it is given up", |told| told.held.is_none());
     assert!(told.handles.is_empty() && told.undo.is_none() && told.largest_mm == 0.0);
-    button(&mut here, to, false);
+    here.button(to, false);
     // Turning never edits.
     here.harness.key_press(Key::T);
     here.harness.step();
     let at = here.at("Volume", 0.5, 0.5);
     here.harness.hover_at(at);
-    button(&mut here, at, true);
+    here.button(at, true);
     let before = here.figures().angles;
     here.harness.hover_at(at + vec2(60.0, 10.0));
     let told = here.told("it is turned", |told| told.angles != before);
-    button(&mut here, at, false);
+    here.button(at, false);
     assert!(told.handles.is_empty());
 }
 
@@ -73,7 +63,7 @@ fn the_wheel_is_the_radius_while_a_handle_is_held_and_goes_through_slices_else()
     here.wheel(2.0);
     let told = here.told("it is wider", |told| told.radius > radius);
     assert!((told.radius - radius * 1.21).abs() < 1e-9 && told.handles[0].radius == told.radius);
-    button(&mut here, to, false);
+    here.button(to, false);
     // Slices go to what was let go of, a little later.
     let told = here.told("the slices meet at it", |told| {
         told.held.is_none() && told.handles[0].off.iter().all(|off| off.abs() <= 0.51)
@@ -95,12 +85,12 @@ fn a_slider_that_is_dragged_is_one_step() {
     let (from, to) = (rect.left_center() + vec2(4.0, 0.0), rect.right_center() - vec2(4.0, 0.0));
     here.harness.hover_at(from);
     here.harness.step();
-    button(&mut here, from, true);
+    here.button(from, true);
     for share in [0.3, 0.6, 1.0] {
         here.harness.hover_at(from + share * (to - from));
         here.harness.step();
     }
-    button(&mut here, to, false);
+    here.button(to, false);
     let told = here.told("it is let go of", |told| told.undo.is_some());
     assert_ne!(told.stiffness, before);
     here.press("Undo");

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
+use egui::{Key, Pos2, vec2};
 use egui_kittest::kittest::Queryable as _;
 use ivd_frames::{ClipPart, HalfSpace};
 
@@ -16,13 +16,7 @@ const BONE: &str = "[deform]\nsolver = \"projective\"\ntolerance = 0.01\nground 
 fn button(here: &mut Here, pos: Pos2, pressed: bool) {
     here.harness.hover_at(pos);
     here.harness.step();
-    here.harness.event(Event::PointerButton {
-        pos,
-        button: PointerButton::Primary,
-        pressed,
-        modifiers: Modifiers::NONE,
-    });
-    here.harness.step();
+    here.button(pos, pressed);
 }
 
 /// Draws from one place to another with the left button.
