@@ -105,6 +105,15 @@ pub struct Refused {
     pub ahead_mm: f64,
 }
 
+/// A step that couldn't be done again.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Missed {
+    /// What it is called.
+    pub name: String,
+    /// Why.
+    pub why: String,
+}
+
 /// What is told of a slice.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Slice {
@@ -214,6 +223,8 @@ pub struct Figures {
     pub draw_s: f64,
     /// Why the last event wasn't followed.
     pub refused: Option<Refused>,
+    /// What couldn't be done again when it was opened.
+    pub missed: Vec<Missed>,
     /// What the body is made of.
     pub made: Made,
     /// What was chosen for the person.

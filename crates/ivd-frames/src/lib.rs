@@ -30,9 +30,9 @@ mod tools;
 pub use error::Error;
 pub use ivd_field::clip::{Cuboid, HalfSpace};
 pub use ivd_field::lies::Lies;
-pub use ivd_session::ClipPart;
+pub use ivd_session::{ClipPart, Entry, Event};
 
-pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Refused, Slice, Spot};
+pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Missed, Refused, Slice, Spot};
 pub use log::Log;
 pub use made::Made;
 pub use model::Model;

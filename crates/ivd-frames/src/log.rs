@@ -67,6 +67,8 @@ pub struct Log {
     pub of: Option<PathBuf>,
     /// The scan, where it says so.
     pub scan: Option<PathBuf>,
+    /// Other values that the scene's keys were opened with, where it says so, as they are typed.
+    pub with: Option<Vec<String>>,
     /// What was done, the first first.
     pub entries: Vec<Entry>,
 }
@@ -85,22 +87,26 @@ struct Beginning {
     of: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     scan: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    with: Option<Vec<String>>,
 }
 
 impl Log {
     /// The first line of a log, without its end.
     pub fn head(scene: &str) -> String {
-        let begins = Head { begins: Beginning { scene: scene.to_owned(), of: None, scan: None } };
+        let begins = Head { begins: Beginning { scene: scene.to_owned(), of: None, scan: None, with: None } };
         serde_json::to_string(&begins).unwrap_or_default()
     }
 
     /// A first line that says what the log is of.
-    pub fn told_of(head: &str, of: Option<&Path>, scan: Option<&Path>) -> String {
+    ///
+    /// - `with`: other values that the scene's keys were opened with, as they are typed; `None` where that isn't known.
+    pub fn told_of(head: &str, of: Option<&Path>, scan: Option<&Path>, with: Option<Vec<String>>) -> String {
         let Ok(Head { begins: Beginning { scene, .. } }) = serde_json::from_str(head) else {
             return head.to_owned();
         };
         let [of, scan] = [of, scan].map(|path| path.map(Path::to_owned));
-        serde_json::to_string(&Head { begins: Beginning { scene, of, scan } }).unwrap_or_default()
+        serde_json::to_string(&Head { begins: Beginning { scene, of, scan, with } }).unwrap_or_default()
     }
 
     /// Reads a log. A last line without an end is one that was never written whole, and is left out.
@@ -134,7 +140,7 @@ impl FromStr for Log {
     fn from_str(text: &str) -> Result<Self, String> {
         let mut lines = (1..).zip(text.split_inclusive('\n'));
         let (_, first) = lines.next().ok_or("it is empty")?;
-        let Beginning { scene, of, scan } = begun(first)?;
+        let Beginning { scene, of, scan, with } = begun(first)?;
         let mut entries = Vec::new();
         for (number, line) in lines {
             match serde_json::from_str(line) {
@@ -143,7 +149,7 @@ impl FromStr for Log {
                 Err(error) => return Err(format!("line {number}: {error}")),
             }
         }
-        Ok(Self { scene, of, scan, entries })
+        Ok(Self { scene, of, scan, with, entries })
     }
 }
 
@@ -182,7 +188,10 @@ mod tests {
     fn what_was_not_written_whole_is_left_out() {
         let head = Log::head("schema = 1");
         let log = format!("{head}\n\"undo\"\n{{\"step\":{{\"na").parse::<Log>().unwrap();
-        assert_eq!(log, Log { scene: "schema = 1".into(), of: None, scan: None, entries: vec![Entry::Undo] });
+        assert_eq!(
+            log,
+            Log { scene: "schema = 1".into(), of: None, scan: None, with: None, entries: vec![Entry::Undo] }
+        );
         assert!(format!("{head}\nundo\n\"redo\"\n").parse::<Log>().unwrap_err().starts_with("line 2: "));
         assert!("\"undo\"\n".parse::<Log>().unwrap_err().contains("line 1"));
     }

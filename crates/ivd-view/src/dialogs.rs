@@ -3,13 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
-use ivd_frames::{KEYS, Request, Saved, Source};
+use ivd_frames::{KEYS, Missed, Request, Saved, Source};
 
+use crate::again::Before;
 use crate::journal::Left;
 use crate::keys::OWN;
 use crate::run::source;
 use crate::system::Purpose;
 use crate::window::Window;
+use crate::work::Begins;
 
 /// What is asked.
 pub(crate) enum Dialog {
@@ -21,6 +23,8 @@ pub(crate) enum Dialog {
     Unsaved(Then),
     /// Whether to go on from a log that was left over.
     Recover { left: Left, source: Source },
+    /// What couldn't be done again where the same was made otherwise.
+    Missed { missed: Vec<Missed>, before: Before },
     /// What hands and keys do.
     Keys,
     /// Something went wrong.
@@ -76,8 +80,9 @@ impl Window {
             }
             Dialog::Recover { left, .. } => {
                 let (file, input) = (Some(left.path().to_owned()), left.scan.clone());
-                self.begin(&Source { file, input, overrides: Vec::new() }, Some(left), context);
+                self.begin(&Source { file, input, overrides: Vec::new() }, Begins::Left(left), context);
             }
+            Dialog::Missed { before, .. } => self.as_it_was(before, context),
             Dialog::Keys | Dialog::Problem { .. } => {}
         }
     }
@@ -87,7 +92,7 @@ impl Window {
             Dialog::Unsaved(then) => self.then(then, context),
             Dialog::Recover { left, source } => {
                 left.remove();
-                self.begin(&source, None, context);
+                self.begin(&source, Begins::Anew, context);
             }
             _ => {}
         }
@@ -158,6 +163,7 @@ impl Dialog {
             Self::Recover { .. } => 4,
             Self::Keys => 5,
             Self::Problem { .. } => 6,
+            Self::Missed { .. } => 7,
         }
     }
 
@@ -185,6 +191,16 @@ impl Dialog {
                 let steps = ivd_core::counted(left.steps as u64, "step was", "steps were");
                 ui.label(format!("{steps} done in it, and can be done again."));
                 choice(ui, "Go on from there", Some("Begin anew"))
+            }
+            Self::Missed { missed, .. } => {
+                let steps = ivd_core::counted(missed.len() as u64, "step", "steps");
+                ui.heading(format!("{steps} can't be done as it is made now"));
+                ScrollArea::vertical().max_height(300.0).show(ui, |ui| {
+                    for Missed { name, why } in missed {
+                        ui.label(format!("{name}: {why}"));
+                    }
+                });
+                choice(ui, "Go back to how it was made", Some("Go on without"))
             }
             Self::Keys => {
                 ui.heading("What hands and keys do");

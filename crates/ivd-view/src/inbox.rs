@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 
 use egui::Context;
 use ivd_core::{Exec, Observer};
-use ivd_frames::{Error, Frame, Output, Saved, Scan};
+use ivd_frames::{Entry, Error, File, Frame, Log, Output, Saved, Scan};
 
 use crate::files::Keeping;
+use crate::work::AGAIN;
 
 /// Progress is shown so often.
 const SEEN: Duration = Duration::from_millis(50);
@@ -30,6 +31,8 @@ pub(crate) struct Inbox {
     pub(crate) problems: VecDeque<String>,
     /// What was written where, or why not; nothing for a picture of the window.
     pub(crate) kept: VecDeque<(Option<Saved>, Result<String, String>)>,
+    /// What was done, to make the same again; or why that isn't known.
+    pub(crate) done_before: Option<Result<Vec<Entry>, String>>,
     pub(crate) failed: Option<Arc<Error>>,
 }
 
@@ -60,6 +63,8 @@ impl Shared {
             }
             Output::Scan(scan) => self.locked().scan = Some(scan),
             Output::Frame(frame) => self.locked().frame = Some(frame),
+            Output::File(AGAIN, file) => self.locked().done_before = Some(entries(&file)),
+            Output::Problem(AGAIN, text) => self.locked().done_before = Some(Err(text)),
             Output::File(_, file) => {
                 let what = file.what;
                 let kept = self.keeping.write(&file);
@@ -78,6 +83,12 @@ impl Shared {
         }
         inbox.notes.push_back(text.to_owned());
     }
+}
+
+/// What a log says was done.
+fn entries(log: &File) -> Result<Vec<Entry>, String> {
+    let text = std::str::from_utf8(&log.bytes).map_err(|error| error.to_string())?;
+    Ok(text.parse::<Log>()?.entries)
 }
 
 /// How work goes on, for the window, and what is noted, for the terminal too.

@@ -18,7 +18,7 @@ const MOST: usize = 100;
 pub(crate) struct Journal {
     path: PathBuf,
     /// Held for its lock.
-    _file: File,
+    file: File,
 }
 
 /// A log that was left over.
@@ -28,6 +28,8 @@ pub(crate) struct Left {
     pub(crate) of: Option<PathBuf>,
     /// The scan, where the scene has one.
     pub(crate) scan: Option<PathBuf>,
+    /// Other values that the scene's keys were opened with, where that is known.
+    pub(crate) with: Option<Vec<String>>,
     /// Steps in it.
     pub(crate) steps: usize,
     /// Held for its lock.
@@ -38,10 +40,16 @@ impl Journal {
     /// Begins a log in a folder; gives what writes its lines.
     ///
     /// - `of`, `scan`: told in its first line, so that the log is found by them.
+    /// - `with`: other values that the scene's keys were opened with, so that it can be made again.
     ///
     /// # Errors
     /// What the system says.
-    pub(crate) fn begin(folder: &Path, of: Option<&Path>, scan: Option<&Path>) -> io::Result<(Self, Line)> {
+    pub(crate) fn begin(
+        folder: &Path,
+        of: Option<&Path>,
+        scan: Option<&Path>,
+        mut with: Option<Vec<String>>,
+    ) -> io::Result<(Self, Line)> {
         std::fs::create_dir_all(folder)?;
         let (path, file) = fresh(folder)?;
         file.try_lock().map_err(io::Error::from)?;
@@ -49,13 +57,18 @@ impl Journal {
         let (of, scan) = (of.map(Path::to_owned), scan.map(Path::to_owned));
         let mut is_first = true;
         let line = move |line: &str| {
-            let head =
-                std::mem::take(&mut is_first).then(|| Log::told_of(line, of.as_deref(), scan.as_deref()));
+            let head = std::mem::take(&mut is_first)
+                .then(|| Log::told_of(line, of.as_deref(), scan.as_deref(), with.take()));
             let line = head.as_deref().unwrap_or(line);
             // A disk that is full doesn't end a session; what is kept by hand says so.
             let _ = writer.write_all(format!("{line}\n").as_bytes());
         };
-        Ok((Self { path, _file: file }, Box::new(line)))
+        Ok((Self { path, file }, Box::new(line)))
+    }
+
+    /// Leaves it to what goes on from it.
+    pub(crate) fn leave(self, of: Option<PathBuf>, scan: Option<PathBuf>, steps: usize) -> Left {
+        Left { path: self.path, of, scan, with: None, steps, _file: self.file }
     }
 
     /// Removes it: nothing is lost any more.
@@ -89,7 +102,8 @@ pub(crate) fn left_over(folder: &Path) -> Vec<Left> {
         file.try_lock().ok()?;
         match Log::read(&path) {
             Ok(log) if !log.entries.is_empty() => {
-                Some(Left { path, of: log.of, scan: log.scan, steps: log.entries.len(), _file: file })
+                let Log { of, scan, with, entries, .. } = log;
+                Some(Left { path, of, scan, with, steps: entries.len(), _file: file })
             }
             _ => {
                 let _ = std::fs::remove_file(&path);
@@ -120,18 +134,21 @@ mod tests {
     fn what_a_crash_leaves_is_found_and_what_is_closed_is_gone() {
         let folder = tempfile::tempdir().unwrap();
         let of = Path::new("/scans/a.nii");
-        let (journal, mut line) = Journal::begin(folder.path(), Some(of), Some(of)).unwrap();
+        let (journal, mut line) =
+            Journal::begin(folder.path(), Some(of), Some(of), Some(vec!["lattice.iso=3".to_owned()]))
+                .unwrap();
         line(&Log::head("schema = 1"));
         line("\"undo\"");
         assert!(left_over(folder.path()).is_empty(), "another window still writes it");
         // As where the process ends.
         drop((journal, line));
         let left = left_over(folder.path());
-        let found: Vec<_> = left.iter().map(|left| (left.of.as_deref(), left.steps)).collect();
-        assert_eq!(found, [(Some(of), 1)]);
+        let found: Vec<_> =
+            left.iter().map(|left| (left.of.as_deref(), left.with.as_deref(), left.steps)).collect();
+        assert_eq!(found, [(Some(of), Some(&["lattice.iso=3".to_owned()][..]), 1)]);
         left.into_iter().for_each(Left::remove);
 
-        let (journal, mut line) = Journal::begin(folder.path(), None, None).unwrap();
+        let (journal, mut line) = Journal::begin(folder.path(), None, None, None).unwrap();
         line(&Log::head("schema = 1"));
         drop(line);
         journal.close();

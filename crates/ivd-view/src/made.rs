@@ -1,8 +1,9 @@
 //! What the body is made of, and the same scan made otherwise.
 
-use egui::{CollapsingHeader, ComboBox, Context, TextEdit, Ui};
+use egui::{CollapsingHeader, ComboBox, TextEdit, Ui};
 use ivd_frames::{Figures, Made, Source};
 
+use crate::again::Making;
 use crate::window::Window;
 
 /// Solvers: what a scene calls each, and a person.
@@ -82,34 +83,38 @@ impl Window {
                 ui.label("N/m stiff");
             });
             let differs = wish != Wish::of(made);
-            // How the session was opened that a log goes on from isn't known here.
-            let goes_on = self.work.as_ref().is_some_and(|work| work.goes_on);
-            let again = ui.add_enabled(differs && !goes_on, egui::Button::new("Make again"));
-            let why_not = "This went on from a log: save the scene, and open that";
-            let again = if goes_on { again.on_disabled_hover_text(why_not) } else { again };
-            if again.on_hover_text("Opens the same once more, made so").clicked() {
-                self.make_again(&wish, made, ui.ctx());
+            // How the session was opened that an older log goes on from isn't known.
+            let is_last = self.work.as_ref().is_some_and(|work| work.is_last);
+            let again = ui.add_enabled(differs && !is_last, egui::Button::new("Make again"));
+            let why_not =
+                "The log that this went on from doesn't say how it was opened: save the scene, and open that";
+            let again = if is_last { again.on_disabled_hover_text(why_not) } else { again };
+            if again
+                .on_hover_text("Opens the same once more, made so, and does again what was done")
+                .clicked()
+            {
+                self.make_again(&wish, made);
             }
             self.wish = differs.then_some(wish);
         });
     }
 
-    /// Opens the same once more, made otherwise, after what would be lost was asked about.
-    fn make_again(&mut self, wish: &Wish, made: &Made, context: &Context) {
-        let Some(source) = self.work.as_ref().map(|work| work.source.clone()) else { return };
-        let otherwise = wish.source(made, &source);
+    /// Makes the same otherwise, as soon as it is known what was done to it.
+    fn make_again(&mut self, wish: &Wish, made: &Made) {
+        let Some(work) = &self.work else { return };
+        let otherwise = wish.source(made, &work.source);
         // What can't even be read leaves all as it is.
         match otherwise
             .and_then(|otherwise| otherwise.read().map(|_| otherwise).map_err(|error| error.to_string()))
         {
-            Ok(otherwise) if otherwise == source => {
+            Ok(otherwise) if otherwise == work.source => {
                 let problem =
                     "what is made of it is said by the scene itself: say another value, or change the scene";
                 self.complain(problem.to_owned());
             }
-            Ok(otherwise) => {
-                self.before = Some([otherwise.clone(), source]);
-                self.open(otherwise, context);
+            Ok(source) => {
+                work.ask_for_log();
+                self.making = Some(Making::of(source));
             }
             Err(problem) => self.complain(problem),
         }

@@ -7,11 +7,11 @@ use ivd_frames::Source;
 
 use crate::dialogs::{Dialog, Then};
 use crate::gestures::Hands;
-use crate::journal::{Left, left_over};
+use crate::journal::left_over;
 use crate::received::Word;
 use crate::shown::Shown;
 use crate::window::Window;
-use crate::work::Work;
+use crate::work::{Begins, Work};
 
 impl Window {
     /// Opens something, after what would be lost was asked about.
@@ -30,13 +30,13 @@ impl Window {
         let left = folder.map(left_over).unwrap_or_default().into_iter().find(|left| left.of == of);
         match left {
             Some(left) => self.dialog = Some(Dialog::Recover { left, source }),
-            None => self.begin(&source, None, context),
+            None => self.begin(&source, Begins::Anew, context),
         }
     }
 
     /// Opens something in the background.
-    pub(crate) fn begin(&mut self, source: &Source, left: Option<Left>, context: &Context) {
-        match Work::open(source, left, &self.options, context) {
+    pub(crate) fn begin(&mut self, source: &Source, begins: Begins, context: &Context) {
+        match Work::open(source, begins, &self.options, context) {
             Ok(work) => {
                 context.send_viewport_cmd(ViewportCommand::Title(format!("{} — IVD", work.name())));
                 let folder = source.file.as_deref().and_then(Path::parent).filter(|folder| folder.is_dir());
@@ -63,7 +63,7 @@ impl Window {
         (self.shown, self.hands) = (Shown::default(), Hands::default());
         (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
-        self.wish = None;
+        (self.wish, self.making) = (None, None);
         self.asked = None;
         self.size = ([0; 2], 0.0, true);
         self.lost = false;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::{Align2, Area, Color32, Context, Frame, Id, Margin, Order, vec2};
 use ivd_core::{Classified as _, ErrorClass};
-use ivd_frames::{Saved, Source};
+use ivd_frames::Saved;
 
 use crate::dialogs::Dialog;
 use crate::window::Window;
@@ -41,6 +41,7 @@ impl Window {
         let shared = work.shared.clone();
         let mut inbox = shared.locked();
         let (scan, frame, failed) = (inbox.scan.take(), inbox.frame.take(), inbox.failed.take());
+        let done_before = inbox.done_before.take();
         let (problems, kept) = (std::mem::take(&mut inbox.problems), std::mem::take(&mut inbox.kept));
         self.notes.extend(inbox.notes.drain(..));
         drop(inbox);
@@ -50,7 +51,7 @@ impl Window {
         if let Some(frame) = frame {
             work.went_on();
             self.asked = None;
-            self.before = None;
+            self.missed(&frame.figures);
             self.pending.shown(&frame.figures);
             self.shown.frame(frame, context);
         }
@@ -62,6 +63,9 @@ impl Window {
         }
         for (what, kept) in kept {
             self.kept(what, kept, context);
+        }
+        if let Some(done) = done_before {
+            self.done_before(done, context);
         }
         if let Some(error) = failed {
             self.ended(&error, context);
@@ -99,14 +103,10 @@ impl Window {
         let left = self.work.take();
         self.clear();
         if error.error_class() == ErrorClass::Cancelled {
-            let of = left.as_ref().map(|work| work.source.clone());
-            if let Some(work) = left {
-                work.close();
-            }
             let mut text = "Opening was stopped.".to_owned();
-            if let Some(before) = self.as_before(of.as_ref()) {
+            if let Some((before, begins)) = self.as_before(left) {
                 text += " It is opened as it was.";
-                self.begin(&before, None, context);
+                self.begin(&before, begins, context);
             }
             self.word = Some(Word { text, until: None, is_problem: false });
         } else if had_frames {
@@ -117,24 +117,14 @@ impl Window {
                 &format!("{error}. Open it once more to go on from its last step."),
             );
         } else {
-            let of = left.as_ref().map(|work| work.source.clone());
-            if let Some(work) = left {
-                work.close();
-            }
-            match self.as_before(of.as_ref()) {
-                Some(before) => {
+            match self.as_before(left) {
+                Some((before, begins)) => {
                     self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
-                    self.begin(&before, None, context);
+                    self.begin(&before, begins, context);
                 }
                 None => self.failed("This can't be opened", &error.to_string()),
             }
         }
-    }
-
-    /// What was open before the same was to be made otherwise.
-    fn as_before(&mut self, of: Option<&Source>) -> Option<Source> {
-        let [_, before] = self.before.take().filter(|[again, _]| of == Some(again))?;
-        Some(before)
     }
 
     /// Tells what was done, or why it wasn't, over the pictures: nothing changes its size.

@@ -4,6 +4,7 @@ use std::time::Instant;
 use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui};
 use ivd_frames::{Pane, Request, Source, Tool};
 
+use crate::again::{Before, Making};
 use crate::dialogs::{Dialog, Then};
 use crate::files;
 use crate::gestures::Hands;
@@ -41,8 +42,10 @@ pub struct Window {
     pub(crate) pending: Pending,
     /// What the body is to be made of.
     pub(crate) wish: Option<Wish>,
+    /// What is to be made again as soon as it is known what was done.
+    pub(crate) making: Option<Making>,
     /// What is made again, and what was open before it, to go back to.
-    pub(crate) before: Option<[Source; 2]>,
+    pub(crate) before: Option<Before>,
     /// Of a new handle, as it is typed.
     pub(crate) place: String,
     /// Where a picture of the window goes, and from which pass on it is taken.
@@ -76,6 +79,7 @@ impl Window {
             turning: None,
             pending: Pending::default(),
             wish: None,
+            making: None,
             before: None,
             place: String::new(),
             photograph: None,
@@ -167,6 +171,9 @@ impl Window {
     pub(crate) fn ask(&mut self, request: Request) {
         if let Some(work) = &self.work {
             self.pending.ask(&request);
+            if let Some(making) = &mut self.making {
+                making.ask(&request);
+            }
             work.ask(request);
             self.asked.get_or_insert_with(Instant::now);
         }

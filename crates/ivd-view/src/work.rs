@@ -5,7 +5,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use egui::Context;
 use ivd_core::Cancel;
-use ivd_frames::{Begun, Client, Error, Model, Opened, Request, Service, Source, Subject, Tell};
+use ivd_frames::{
+    Begun, Client, Entry, Error, Model, Opened, Request, Saved, Service, Source, Subject, Tell,
+};
+use ivd_pipeline::scene::Override;
 
 use crate::inbox::{Shared, Watch};
 use crate::journal::{Journal, Left};
@@ -15,6 +18,18 @@ use crate::run::Options;
 const SIZE: [usize; 2] = [512; 2];
 /// The one who asks.
 const HERE: Client = 0;
+/// The one who asks for the log, to make the same again.
+pub(crate) const AGAIN: Client = 1;
+
+/// What something begins with when it is opened.
+pub(crate) enum Begins {
+    /// What its source says alone.
+    Anew,
+    /// A log that was left over: its source.
+    Left(Left),
+    /// What was done before it was made again, and the log that has it until that is done once more.
+    Again(Vec<Entry>, Option<Left>),
+}
 
 /// What is worked on. Dropped, it ends; its log stays, unless it was closed.
 pub(crate) struct Work {
@@ -31,34 +46,37 @@ pub(crate) struct Work {
     journal: Arc<Mutex<Option<Journal>>>,
     /// The log that it goes on from.
     left: Option<Left>,
-    /// Whether it went on from one.
-    pub(crate) goes_on: bool,
+    /// Whether it can't be opened once more: it went on from a log that doesn't say how.
+    pub(crate) is_last: bool,
 }
 
 impl Work {
     /// Opens something in the background.
     ///
-    /// - `left`: the log that it goes on from.
-    ///
     /// # Errors
     /// A scene or log that can't be read; a system that starts no thread.
     pub(crate) fn open(
         source: &Source,
-        left: Option<Left>,
+        begins: Begins,
         options: &Options,
         context: &Context,
     ) -> Result<Self, Error> {
-        let Opened { loaded, is_bare, entries } = source.read()?;
+        let Opened { loaded, is_bare, mut entries } = source.read()?;
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let scan = loaded.scene.input.file.as_ref().map(|file| absolute(&loaded.folder.join(file)));
-        let of = match &left {
-            Some(left) => left.of.clone(),
-            None => source.file.as_deref().map(absolute),
-        };
-        let again = match &left {
-            // The log that was left over goes.
-            Some(left) => Source { file: left.of.clone(), ..Source::default() },
-            None => source.clone(),
+        let (mut again, mut of, mut is_last) = (source.clone(), source.file.as_deref().map(absolute), false);
+        let left = match begins {
+            Begins::Anew => None,
+            Begins::Left(left) => {
+                // The log that was left over goes; what it is of stays.
+                (again, is_last) = (of_left(&left), left.with.is_none());
+                of.clone_from(&left.of);
+                Some(left)
+            }
+            Begins::Again(done, left) => {
+                entries = done;
+                left
+            }
         };
         let shared = Shared::new(context.clone());
         let mut exec = options.exec.clone();
@@ -68,11 +86,13 @@ impl Work {
         let journal = Arc::new(Mutex::new(None));
         let (kept, folder, its_of, its_scan) =
             (journal.clone(), options.folder.clone(), of.clone(), scan.clone());
-        let (its, to) = (exec.clone(), shared.clone());
+        let (its, to, with) = (exec.clone(), shared.clone(), (!is_last).then(|| written(&again.overrides)));
         let open = move |tell: &Tell| {
             let subject = Subject::open(&loaded, is_bare, &cache, &its, tell)?;
             subject.said.iter().for_each(|said| tell.note(format!("chosen: {said}")));
-            let begun = folder.map(|folder| Journal::begin(&folder, its_of.as_deref(), its_scan.as_deref()));
+            let begin =
+                |folder: PathBuf| Journal::begin(&folder, its_of.as_deref(), its_scan.as_deref(), with);
+            let begun = folder.map(begin);
             let line = match begun.transpose() {
                 Ok(Some((journal, line))) => {
                     *kept.lock().unwrap_or_else(PoisonError::into_inner) = Some(journal);
@@ -87,8 +107,7 @@ impl Work {
             Ok(Begun { entries, line, model: Model::new(subject, SIZE, its)? })
         };
         let service = Service::start(open, exec, move |output| to.take(output))?;
-        let goes_on = left.is_some();
-        Ok(Self { service: Some(service), cancel, shared, source: again, of, scan, journal, left, goes_on })
+        Ok(Self { service: Some(service), cancel, shared, source: again, of, scan, journal, left, is_last })
     }
 
     /// Asks the service.
@@ -96,6 +115,13 @@ impl Work {
         if !self.service.as_ref().is_none_or(|service| service.ask(HERE, request)) {
             let problem = "too much at once: wait for what was asked before".to_owned();
             self.shared.locked().problems.push_back(problem);
+        }
+    }
+
+    /// Asks for the log, to make the same again.
+    pub(crate) fn ask_for_log(&self) {
+        if let Some(service) = &self.service {
+            service.ask(AGAIN, Request::Save { what: Saved::Log });
         }
     }
 
@@ -117,14 +143,36 @@ impl Work {
         }
     }
 
-    /// Ends in order: nothing is to be recovered.
-    pub(crate) fn close(mut self) {
-        self.cancel.cancel();
-        self.service = None;
-        if let Some(journal) = self.journal.lock().unwrap_or_else(PoisonError::into_inner).take() {
+    /// Ends in order: nothing is to be recovered, but for the log that it was to go on from and didn't.
+    pub(crate) fn close(mut self) -> Option<Left> {
+        if let Some(journal) = self.end() {
             journal.close();
         }
+        self.left.take()
     }
+
+    /// Ends in order; what has done so many steps goes on from its log.
+    pub(crate) fn leave(mut self, steps: usize) -> Option<Left> {
+        let journal = self.end();
+        journal.map(|journal| journal.leave(self.of.take(), self.scan.take(), steps))
+    }
+
+    fn end(&mut self) -> Option<Journal> {
+        self.cancel.cancel();
+        self.service = None;
+        self.journal.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+}
+
+/// What a log that was left over is of, as it was opened.
+fn of_left(left: &Left) -> Source {
+    let overrides = left.with.iter().flatten().filter_map(|word| word.parse().ok()).collect();
+    Source { file: left.of.clone(), input: left.scan.clone(), overrides }
+}
+
+/// Values of keys, as they are typed.
+fn written(overrides: &[Override]) -> Vec<String> {
+    overrides.iter().map(|one| format!("{}={}", one.path.join("."), one.value)).collect()
 }
 
 impl Drop for Work {

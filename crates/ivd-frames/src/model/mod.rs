@@ -4,6 +4,7 @@ mod clips;
 mod hand;
 mod looks;
 mod parts;
+mod replay;
 mod stroke;
 mod told;
 
@@ -13,11 +14,11 @@ use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, Image, TransferFunction
 use ivd_map::{BiharmonicParams, OctreeParams};
 use ivd_motion::handles::{Action, Anchor, Handle, Pin, find_picks};
 use ivd_render::Lens;
-use ivd_session::{Entry, Event, Id, MapChoice, Session, Settings, Update};
+use ivd_session::{Event, Id, MapChoice, Session, Settings, Update};
 use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
-use crate::figures::{Figures, Hovered, Refused, Spot};
+use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
 use crate::{Error, MapName, Overlay, Pane, Request, Subject};
@@ -46,6 +47,8 @@ pub struct Model {
     adjusts: bool,
     hovered: Option<Hovered>,
     refused: Option<Refused>,
+    /// What couldn't be done again when it was opened.
+    missed: Vec<Missed>,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
     /// Rise with every change of what a pane shows.
@@ -107,6 +110,7 @@ impl Model {
             adjusts: false,
             hovered: None,
             refused: None,
+            missed: Vec::new(),
             spots: Vec::new(),
             pins: Vec::new(),
             versions: [1; 4],
@@ -146,29 +150,6 @@ impl Model {
     pub(crate) fn show_slices(&mut self, cross: [f64; 3], window: Window) {
         (self.panes.planes.cross, self.window) = (cross, window);
         self.touch(&Pane::ALL[1..]);
-    }
-
-    /// Does again what a log says.
-    ///
-    /// # Errors
-    /// Says which line couldn't be followed; those before are done.
-    pub fn replay(&mut self, entries: &[Entry]) -> Result<(), Error> {
-        let done = entries.iter().enumerate().try_for_each(|(done, entry)| {
-            self.session.replay(entry.clone(), &self.exec).map_err(|error| (done, error))
-        });
-        self.touch(&Pane::ALL);
-        self.find_spots()?;
-        match done {
-            Err((_, error)) if error.error_class() == ErrorClass::Cancelled => Err(error.into()),
-            Err((done, error)) => Err(Error::Io {
-                what: "the log",
-                problem: format!(
-                    "{done} of {} steps were done again; the next can't be: {error}",
-                    entries.len()
-                ),
-            }),
-            Ok(()) => Ok(()),
-        }
     }
 
     /// Rise with every change of what a pane shows.

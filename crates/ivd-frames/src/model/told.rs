@@ -66,6 +66,7 @@ impl Figures {
             times: [last.times.solve, last.times.map, last.times.warp],
             draw_s: 0.0,
             refused: model.refused.clone(),
+            missed: model.missed.clone(),
             made: model.subject.made.clone(),
             said: model.subject.said.clone(),
         }

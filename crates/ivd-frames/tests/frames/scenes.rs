@@ -1,9 +1,10 @@
 //! Scenes and sessions say the same.
 
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use ivd_core::Exec;
-use ivd_frames::{Error, Request, Saved, Subject, Tell, bare_scene};
+use ivd_frames::{Entry, Error, Request, Saved, Subject, Tell, bare_scene};
 use ivd_pipeline::scene;
 
 use super::common::{BALL, loaded, model};
@@ -223,4 +224,46 @@ fn classes_look_otherwise_and_the_scene_says_so() {
         .naming(Path::new("a/b.nii"))
         .unwrap();
     assert!(String::from_utf8(named.bytes).unwrap().contains("file = \"a/b.nii\""));
+}
+
+#[test]
+fn what_was_done_is_done_again_to_what_is_made_otherwise_and_what_cannot_be_is_told() {
+    let large = BALL.replace("size = 32", "size = 64");
+    let entries = Arc::<Mutex<Vec<Entry>>>::default();
+    let mut first = model(&large);
+    let kept = entries.clone();
+    first.session_mut().record(move |entry| kept.lock().unwrap().push(entry.clone()));
+    let (out, inside) = ([32.0, 69.0, 32.0], [32.0, 14.5, 32.0]);
+    for request in [
+        Request::Radius { handle: None, radius: 9.0 },
+        Request::Add { place: out, by: [0.0; 3] },
+        Request::Move { handle: 0, by: [0.0, -1.5, 0.0] },
+        Request::Clip { point: [32.0; 3], normal: [1.0, 0.0, 0.0] },
+        Request::Stroke { pane: ivd_frames::Pane::Axial, from: [0.45, 0.5], to: [0.55, 0.5] },
+        Request::Undo,
+        Request::Redo,
+        Request::Add { place: inside, by: [0.0; 3] },
+        Request::Undo,
+    ] {
+        first.follow(&request).unwrap();
+        assert_eq!(first.figures().refused, None, "{request:?}");
+    }
+    let entries = entries.lock().unwrap().clone();
+    // A little smaller: the handle goes to the nearest of the new lattice.
+    let mut smaller = model(&large.replace("iso = 127.5\n[refine]", "iso = 140.0\n[refine]"));
+    smaller.replay(&entries).unwrap();
+    let (was, is) = (first.figures(), smaller.figures());
+    assert_eq!(is.handles[0].by, was.handles[0].by);
+    assert!(is.handles[0].rest != was.handles[0].rest && is.largest_mm > 1.0);
+    assert_eq!((is.clips, is.incision, is.undo, is.redo), (was.clips, was.incision, was.undo, was.redo));
+    assert_eq!(smaller.session().steps().count(), first.session().steps().count());
+    // So small that nothing is near where the handle was: all else is there.
+    let mut least = model(&large.replace("iso = 127.5\n[refine]", "iso = 250.0\n[refine]"));
+    let told = least.replay(&entries).unwrap_err().to_string();
+    let is = least.figures();
+    assert!(told.contains("6 of 8 steps were done again") && told.contains("add a handle: "), "{told}");
+    let missed: Vec<_> = is.missed.iter().map(|one| &*one.name).collect();
+    assert_eq!(missed, ["add a handle", "move a handle"]);
+    assert!(is.handles.is_empty() && is.clips.len() == 1 && is.incision.is_some());
+    assert_eq!(is.redo.as_deref(), Some("add a handle"));
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use egui_kittest::kittest::Queryable as _;
-use ivd_frames::Source;
+use ivd_frames::{Figures, Source};
 
 use super::common::{BALL, Here, scene};
 use super::keyboard::{tab_to, typed};
@@ -107,26 +107,70 @@ fn type_into(here: &mut Here, name: &str, text: &str) {
 }
 
 #[test]
-fn a_scan_is_made_again_otherwise_after_what_would_be_lost_is_asked_about() {
+fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     let mut here = Here::ball();
     assert_eq!(here.figures().made.iso, Some(127.5));
     here.press("Handle where the slices meet");
-    let vertices = here.told("a handle", |told| told.unsaved).vertices;
+    here.press("Pin where the slices meet");
+    let vertices = here.told("a handle and a pin", |told| told.pins.len() == 1 && told.unsaved).vertices;
     here.press("Made of");
     here.harness.run_ok();
     assert_named(&here);
-    type_into(&mut here, "Value of the surface", "200");
+    type_into(&mut here, "Value of the surface", "140");
     here.press("Make again");
-    assert!(here.has("What was done here is not saved"));
-    here.press("Throw it away");
-    let told = here.told("a smaller ball", |told| told.made.iso == Some(200.0));
-    assert!(told.vertices < vertices && told.handles.is_empty(), "{} {vertices}", told.vertices);
+    let kept = |iso| move |told: &Figures| told.made.iso == Some(iso) && told.pins.len() == 1;
+    let told = here.told("a smaller ball", kept(140.0));
+    assert!(told.vertices < vertices && told.handles.len() == 1, "{} {vertices}", told.vertices);
+    assert!(told.unsaved && told.undo.as_deref() == Some("pin") && told.missed.is_empty());
     here.settle();
+    here.press("Undo");
+    here.told("a step less", |told| told.pins.is_empty() && told.redo.is_some());
     // What no scene takes is told, and nothing is lost.
     type_into(&mut here, "Value of the surface", "many");
     here.press("Make again");
     here.until("why not", |here| here.has("lattice.iso"));
-    assert_eq!(here.figures().vertices, told.vertices);
+    assert_eq!((here.figures().vertices, here.figures().handles.len()), (told.vertices, 1));
+
+    // What went on from a log can be made again as well.
+    let folder = here.folder.clone();
+    drop(here);
+    let source = Source { file: Some(folder.path().join("scene.toml")), ..Source::default() };
+    let mut here = Here::new(folder.clone(), Some(source.clone()), None);
+    here.until("it is asked", |here| here.has("An earlier window ended"));
+    here.press("Go on from there");
+    here.told("as it was made", |told| told.made.iso == Some(140.0) && told.redo.is_some());
+    here.press("Made of");
+    here.harness.run_ok();
+    type_into(&mut here, "Value of the surface", "110");
+    here.press("Make again");
+    here.told("a larger ball", |told| told.made.iso == Some(110.0) && told.handles.len() == 1);
+    here.settle();
+    let logs = std::fs::read_dir(folder.path().join("state")).unwrap().flatten();
+    let logs = logs.filter(|file| file.file_name().to_string_lossy().ends_with(".jsonl"));
+    assert_eq!(logs.count(), 1, "its own log, and none of those before");
+}
+
+#[test]
+fn what_cannot_be_done_again_is_asked_about() {
+    let folder = folder();
+    let source = scene(folder.path(), &BALL.replace("size = 32", "size = 64"));
+    let mut here = Here::new(folder, Some(source), None);
+    here.settle();
+    tab_to(&mut here, "Place of a new handle, at rest, mm");
+    typed(&mut here, "32, 69, 32");
+    here.told("a handle", |told| told.handles.len() == 1);
+    here.press("Made of");
+    here.harness.run_ok();
+    for (answer, handles, iso) in [("Go back to how it was made", 1, 127.5), ("Go on without", 0, 250.0)] {
+        type_into(&mut here, "Value of the surface", "250");
+        here.press("Make again");
+        here.until("it is asked", |here| here.has("1 step can't be done as it is made now"));
+        assert!(here.has("ten voxel diagonals"));
+        here.press(answer);
+        let told = here.told("answered", |told| told.made.iso == Some(iso));
+        assert_eq!(told.handles.len(), handles, "{answer}");
+        here.settle();
+    }
 }
 
 #[test]
@@ -145,6 +189,14 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.press("All right");
     here.settle();
     assert_eq!((here.figures().made.iso, here.figures().handles.len()), (Some(127.5), 1));
+    // What was done is there again too.
+    here.press("Pin where the slices meet");
+    here.told("a pin", |told| told.pins.len() == 1);
+    type_into(&mut here, "Value of the surface", "1e9");
+    here.press("Make again");
+    here.until("why not", |here| here.has("It can't be made so"));
+    here.press("All right");
+    here.told("as it was", |told| told.pins.len() == 1 && told.undo.as_deref() == Some("pin"));
 }
 
 #[test]
