@@ -16,7 +16,10 @@ pub(crate) struct Panes {
     /// Of the volume's pane.
     pub(crate) size: [usize; 2],
     pub(crate) view: View,
+    /// As it began, ...
     first: View,
+    /// ... and one that shows the whole.
+    whole: View,
     /// How pictures are drawn, but for size and view.
     picture: RenderParams,
     /// Along which pane the volume's picture is cut open there.
@@ -47,18 +50,29 @@ impl Panes {
             size,
             view: picture.view,
             first: picture.view,
+            whole: View { zoom: 1.0, target: None, ..picture.view },
             picture,
             cut: None,
         };
         // What fits at first stays so: a camera that follows what is seen would move while that is deformed.
-        let seen = panes.prepared(volume, transfer, size, false, exec)?.lens(panes.view)?;
+        let views = [panes.first, panes.whole];
+        let prepared = panes.prepared(volume, transfer, size, false, exec)?;
+        let seen = [prepared.lens(views[0])?, prepared.lens(views[1])?];
+        drop(prepared);
         panes.picture.fit = Fit::Volume;
-        let whole = panes.lens(grid)?;
-        let (middle, off) = (seen.middle(), whole.middle());
-        let zoom = panes.view.zoom * whole.pixel_at(off) / seen.pixel_at(middle);
-        panes.first = View { target: Some(middle), zoom, ..panes.view };
-        panes.view = panes.first;
+        let by_volume = |view: View, seen: &Lens| {
+            let whole = panes.lens_of(grid, view)?;
+            let zoom = view.zoom * whole.pixel_at(whole.middle()) / seen.pixel_at(seen.middle());
+            Ok::<_, Error>(View { target: Some(seen.middle()), zoom, ..view })
+        };
+        let [first, whole] = [by_volume(views[0], &seen[0])?, by_volume(views[1], &seen[1])?];
+        (panes.first, panes.view, panes.whole) = (first, first, whole);
         Ok(panes)
+    }
+
+    /// Where the volume is seen from, unless that is as it began.
+    pub(crate) fn turned(&self) -> Option<View> {
+        Some(self.view).filter(|view| *view != self.first)
     }
 
     /// A scene that is ready to be drawn, in so many pixels.
@@ -114,7 +128,11 @@ impl Panes {
 
     /// How the volume's pane turns places into pixels.
     pub(crate) fn lens(&self, grid: &Grid) -> Result<Lens, Error> {
-        let params = RenderParams { size: self.size, view: self.view, ..self.picture.clone() };
+        self.lens_of(grid, self.view)
+    }
+
+    fn lens_of(&self, grid: &Grid, view: View) -> Result<Lens, Error> {
+        let params = RenderParams { size: self.size, view, ..self.picture.clone() };
         Ok(Lens::of_volume(grid, &params)?)
     }
 
@@ -196,6 +214,6 @@ impl Panes {
     }
 
     pub(crate) fn reset_view(&mut self) {
-        self.view = self.first;
+        self.view = self.whole;
     }
 }

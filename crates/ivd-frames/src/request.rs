@@ -67,8 +67,10 @@ pub enum MapName {
 pub enum Saved {
     /// The scene, as TOML: `ivd pipeline` makes the same of it.
     Scene,
-    /// The deformed volume, as NIfTI.
+    /// The deformed volume, as NIfTI, without what planes and boxes take away.
     Volume,
+    /// The deformed volume, as NIfTI, with what planes and boxes take away.
+    Whole,
     /// The displacement from deformed to rest, as NRRD.
     Displacement,
     /// The deformed lattice, as PLY.
@@ -110,7 +112,7 @@ pub enum Request {
         /// Which.
         side: ivd_render::Side,
     },
-    /// The camera as it was at first.
+    /// The whole volume, from where it was seen at first.
     ResetView,
     /// Brightness and contrast of the slices, by a drag.
     Window {

@@ -34,8 +34,10 @@ impl Model {
             Saved::Scene => self.scene_text()?.into_bytes(),
             Saved::Log => log.into_bytes(),
             Saved::Picture => ivd_pipeline::png_bytes(&self.draw(crate::Pane::Volume, 1, exec)?)?,
-            Saved::Volume => {
-                let volume = self.session().deformed().clone().into_artefact();
+            Saved::Volume | Saved::Whole => {
+                let session = self.session();
+                let volume = if what == Saved::Whole { session.whole() } else { session.deformed() };
+                let volume = volume.clone().into_artefact();
                 written(name, &volume, ExportOptions::default(), exec)?
             }
             Saved::Displacement => {
@@ -64,6 +66,7 @@ impl Model {
     fn scene_text(&self) -> Result<String, Error> {
         let mut scene = self.subject().scene_of(self.session().settings())?;
         self.write_looks(&mut scene)?;
+        self.write_view(&mut scene)?;
         scene.set_output(self.session().displacement().is_identity());
         told(scene)
     }

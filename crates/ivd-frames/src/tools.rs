@@ -87,14 +87,15 @@ impl MapName {
 
 impl Saved {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Scene, Self::Volume, Self::Displacement, Self::Lattice, Self::Picture, Self::Log];
+    pub const ALL: [Self; 7] =
+        [Self::Scene, Self::Volume, Self::Whole, Self::Displacement, Self::Lattice, Self::Picture, Self::Log];
 
     /// How it is called in a window.
     pub fn word(self) -> &'static str {
         match self {
             Self::Scene => "scene",
             Self::Volume => "deformed volume",
+            Self::Whole => "deformed volume, unclipped",
             Self::Displacement => "displacement",
             Self::Lattice => "lattice",
             Self::Picture => "picture",
@@ -106,7 +107,7 @@ impl Saved {
     pub fn name(self) -> &'static str {
         match self {
             Self::Scene => "scene.toml",
-            Self::Volume => "deformed.nii.gz",
+            Self::Volume | Self::Whole => "deformed.nii.gz",
             Self::Displacement => "inverse.nrrd",
             Self::Lattice => "lattice.ply",
             Self::Picture => "picture.png",

@@ -332,6 +332,11 @@ impl Session {
         self.shown.volume()
     }
 
+    /// The deformed volume, with all that planes and boxes take away. A clone that is kept makes the next event copy all voxels.
+    pub fn whole(&self) -> &Volume {
+        self.shown.whole()
+    }
+
     /// The displacement of the voxels.
     pub fn displacement(&self) -> &Displacement {
         self.displaced.as_ref().unwrap_or(&self.mapped.displacement)

@@ -39,6 +39,11 @@ impl Shown {
         self.clipped.as_ref().map_or(self.deformed.output(), Kept::output)
     }
 
+    /// The same, clipped by nothing.
+    pub(crate) fn whole(&self) -> &Volume {
+        self.deformed.output()
+    }
+
     /// Shows the volume at rest as it is under a displacement.
     ///
     /// - `before`: the displacement that it is shown under.

@@ -85,11 +85,11 @@ impl Window {
             self.open(ivd_frames::Source::default(), ui.ctx());
         }
         ui.separator();
-        for what in Saved::ALL {
+        for what in Saved::ALL.into_iter().filter(|what| *what != Saved::Whole) {
             let (verb, keys) =
                 if what == Saved::Scene { ("Save", Some(&keys::SAVE)) } else { ("Export", None) };
             if item(ui, is_shown, &format!("{verb} {} …", what.word()), keys) {
-                self.ask_for(Purpose::Keep(Some(what)), ui.ctx());
+                self.export(what, ui.ctx());
             }
         }
         if item(ui, self.work.is_some(), "Screenshot of the window …", None) {

@@ -17,6 +17,8 @@ use crate::work::Begins;
 pub(crate) enum Dialog {
     /// What to open.
     Open { path: String },
+    /// Whether the deformed volume is kept without what planes and boxes take away.
+    Export { without: bool },
     /// Where to keep something; `None` for a picture of the window.
     Keep { what: Option<Saved>, path: String, replace: bool },
     /// What would be lost.
@@ -71,6 +73,10 @@ impl Window {
     fn answered(&mut self, dialog: Dialog, context: &Context) {
         match dialog {
             Dialog::Open { path } => self.open(source(Path::new(path.trim())), context),
+            Dialog::Export { without } => {
+                let what = if without { Saved::Volume } else { Saved::Whole };
+                self.ask_for(Purpose::Keep(Some(what)), context);
+            }
             Dialog::Keep { what, path, replace } => {
                 self.keep(what, PathBuf::from(path.trim()), replace, context);
             }
@@ -108,6 +114,16 @@ impl Window {
             Then::Quit => context.send_viewport_cmd(ViewportCommand::Close),
             Then::Close => {}
             Then::Open(source) => self.open(source, context),
+        }
+    }
+
+    /// Asks where something is to be kept, and of a volume that is clipped first how much of it.
+    pub(crate) fn export(&mut self, what: Saved, context: &Context) {
+        let clips = self.shown.figures().map_or(0, |figures| figures.clips.len());
+        if what == Saved::Volume && clips > 0 {
+            self.dialog = Some(Dialog::Export { without: true });
+        } else {
+            self.ask_for(Purpose::Keep(Some(what)), context);
         }
     }
 
@@ -164,6 +180,7 @@ impl Dialog {
             Self::Keys => 5,
             Self::Problem { .. } => 6,
             Self::Missed { .. } => 7,
+            Self::Export { .. } => 8,
         }
     }
 
@@ -173,6 +190,11 @@ impl Dialog {
                 ui.heading("Open");
                 ui.label("A scan (NIfTI, NRRD, MetaImage, TIFF, VTI, a folder of slices …), a scene (.toml), a log (.jsonl), or the word demo. A file that is dropped into the window is opened too.");
                 typed(ui, path, "Path", "Open", false)
+            }
+            Self::Export { without } => {
+                ui.heading("Export deformed volume");
+                ui.checkbox(without, "without what planes and boxes take away");
+                choice(ui, "Choose a place …", None)
             }
             Self::Keep { what, path, replace } => {
                 ui.heading(format!("Save {}", what.map_or("a picture of the window", Saved::word)));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ivd_core::{ClassRole, TransferFunction, srgb};
-use ivd_render::{ClassLooks, Colour, Opacity};
+use ivd_render::{ClassLooks, Colour, Fit, Opacity, View};
 use serde_json::json;
 
 use super::Model;
@@ -125,6 +125,22 @@ impl Model {
             }
         });
         classes.collect()
+    }
+
+    /// Writes where the volume is seen from into a scene, where that was changed.
+    pub(crate) fn write_view(&self, scene: &mut ivd_pipeline::scene::Scene) -> Result<(), Error> {
+        let Some(view) = self.panes.turned() else { return Ok(()) };
+        let View { angles, zoom, target, roll, .. } = view;
+        // What fits goes by the whole volume here, however it is deformed.
+        let keys = [
+            ("view", Some(json!(angles))),
+            ("zoom", Some(json!(zoom))),
+            ("target", target.map(|target| json!(target))),
+            ("roll", (roll != 0.0).then(|| json!(roll))),
+            ("fit", Some(json!(Fit::Volume))),
+        ];
+        scene.set(&ivd_render::STAGE, &keys)?;
+        Ok(())
     }
 
     /// Writes the looks into a scene.

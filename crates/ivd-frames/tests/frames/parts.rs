@@ -2,13 +2,13 @@
 
 use ivd_core::{Exec, VoxelIndex};
 use ivd_field::shape::{Kind, Shape};
-use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request};
+use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request, Saved};
 use ivd_map::space::Step;
 use ivd_session::Event;
 use nalgebra::Vector3;
 
 use super::common::{BALL, model};
-use super::scripts::{BONED, assert_as_piped};
+use super::scripts::{BONED, assert_as_piped, made};
 
 fn follow(model: &mut Model, request: &Request) -> Figures {
     model.follow(request).unwrap();
@@ -302,4 +302,31 @@ fn a_second_line_cuts_what_it_is_drawn_over() {
     let far = |place: [f64; 3]| (Vector3::from(cut.centre) - Vector3::from(place)).norm();
     assert!(far(rest) < 0.05 && far(seen) > 0.5, "{} from what it lies over, {}", far(rest), far(seen));
     assert_as_piped(&model);
+}
+
+#[test]
+fn the_whole_volume_is_what_the_pipeline_makes_of_the_scene_without_its_clips() {
+    let mut model = model(BALL);
+    for request in [
+        Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] },
+        Request::Clip { point: [16.0; 3], normal: [1.0, 0.0, 0.0] },
+        Request::ClipBox { min: [2.0; 3], max: [30.0, 20.0, 30.0] },
+    ] {
+        assert_eq!(follow(&mut model, &request).refused, None);
+    }
+    let exec = Exec::default();
+    let text = String::from_utf8(model.save(Saved::Scene, String::new(), &exec).unwrap().bytes).unwrap();
+    let mut scene = ivd_pipeline::scene::parse(&text, &[]).unwrap();
+    scene.remove(&ivd_field::clip::STAGE).unwrap();
+    let (_, piped) = made(&scene.to_text().unwrap());
+    assert_eq!(model.session().whole().voxels(), piped.voxels());
+    let file = |model: &Model, what| model.save(what, String::new(), &exec).unwrap();
+    let [whole, clipped] = [Saved::Whole, Saved::Volume].map(|what| file(&model, what));
+    assert_eq!((whole.name, clipped.name), ("deformed.nii.gz", "deformed.nii.gz"));
+    assert!(whole.bytes != clipped.bytes);
+    for clip in [1, 0] {
+        follow(&mut model, &Request::Unclip { clip });
+    }
+    assert_eq!(file(&model, Saved::Volume).bytes, whole.bytes);
+    assert_eq!(file(&model, Saved::Whole).bytes, whole.bytes, "nothing is clipped");
 }

@@ -1,11 +1,13 @@
 //! Scenes and sessions say the same.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use ivd_core::Exec;
-use ivd_frames::{Entry, Error, Request, Saved, Subject, Tell, bare_scene};
-use ivd_pipeline::scene;
+use ivd_core::{Exec, Image, Value as _};
+use ivd_frames::{Entry, Error, Model, Pane, Request, Saved, Subject, Tell, bare_scene};
+use ivd_pipeline::plan::Plan;
+use ivd_pipeline::{PipelineOptions, Runner, run_node, scene};
 
 use super::common::{BALL, loaded, model};
 
@@ -266,4 +268,61 @@ fn what_was_done_is_done_again_to_what_is_made_otherwise_and_what_cannot_be_is_t
     assert_eq!(missed, ["add a handle", "move a handle"]);
     assert!(is.handles.is_empty() && is.clips.len() == 1 && is.incision.is_some());
     assert_eq!(is.redo.as_deref(), Some("add a handle"));
+}
+
+#[test]
+fn a_scene_keeps_where_the_volume_is_seen_from() {
+    let exec = Exec::default();
+    let text = |model: &Model| {
+        String::from_utf8(model.save(Saved::Scene, String::new(), &exec).unwrap().bytes).unwrap()
+    };
+    let perspective = BALL.replace("view = \"front\"", "view = \"front\"\nprojection = \"perspective\"");
+    for scene in [BALL, &perspective] {
+        let mut first = model(scene);
+        assert!(!text(&first).contains("zoom"), "what wasn't turned is as the scene has it");
+        let moved = Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] };
+        for request in [
+            moved,
+            Request::Orbit { by: [0.1, 0.07] },
+            Request::Zoom { factor: 1.7, at: [0.3, 0.4] },
+            Request::Pan { by: [0.05, -0.02] },
+        ] {
+            first.follow(&request).unwrap();
+        }
+        let kept = text(&first);
+        let mut again = model(&kept);
+        let (was, is) = (first.figures(), again.figures());
+        assert_eq!((is.angles, is.size, is.unsaved), (was.angles, was.size, false));
+        assert!((is.zoom / was.zoom - 1.0).abs() < 1e-9 && (is.width_mm / was.width_mm - 1.0).abs() < 1e-9);
+        let image = |model: &Model| model.draw(Pane::Volume, 1, &exec).unwrap();
+        assert!(image(&again) == image(&first), "the same picture");
+        assert_eq!(text(&again), kept);
+        // The pipeline's picture of the body at rest, as large as the pane.
+        let overrides = ["render.size=128", "render.annotate=false"].map(|word| word.parse().unwrap());
+        let mut piped = scene::parse(&kept, &overrides).unwrap();
+        piped.set_output(false);
+        first.follow(&Request::Undo).unwrap();
+        assert!(drawn(piped) == image(&first), "the pipeline's picture");
+        again.follow(&Request::ResetView).unwrap();
+        let mut anew = model(scene);
+        anew.follow(&Request::Orbit { by: [0.1, 0.07] }).unwrap();
+        let (whole, turned) = (again.figures(), anew.figures());
+        assert_eq!(whole.angles, turned.angles);
+        assert!(whole.zoom < 0.7 * is.zoom && !whole.unsaved && !turned.unsaved);
+    }
+}
+
+/// The first picture that the pipeline makes: of the volume at rest.
+fn drawn(scene: scene::Scene) -> Image {
+    let loaded = scene::Loaded { scene, folder: ".".into(), file: "scene.toml".into() };
+    let (exec, cache) = (Exec::default(), ivd_artefact::Cache::disabled());
+    let runner = Runner { exec: &exec, cache: &cache, lazy: false };
+    let mut done = BTreeMap::new();
+    let mut image = None::<Image>;
+    for node in Plan::new(&loaded, None, None).unwrap().nodes().iter().filter(|node| node.needed) {
+        let result = run_node(node, &done, runner, &PipelineOptions::default()).unwrap();
+        image = image.or(Image::of(&result.artefact).cloned());
+        done.insert(node.id, result);
+    }
+    image.unwrap()
 }

@@ -180,7 +180,7 @@ fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
 }
 
 /// What the pipeline makes of a scene, nothing of it known before.
-fn made(text: &str) -> (Option<Displacement>, Volume) {
+pub(crate) fn made(text: &str) -> (Option<Displacement>, Volume) {
     let scene = parse(text, &[]).unwrap();
     let loaded = Loaded { scene, folder: ".".into(), file: "scene.toml".into() };
     let (exec, cache) = (Exec::default(), Cache::disabled());

@@ -149,6 +149,8 @@ fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Ve
         }
     }
     let log = String::from_utf8(hands.kept(Saved::Log).bytes.clone()).unwrap();
+    // A log doesn't say where it was seen from; a scene does.
+    hands.ask(&Request::ResetView);
     let scene = hands.kept(Saved::Scene).bytes.clone();
     let log: Log = log.parse().unwrap();
     let steps = log.entries.iter().filter(|entry| matches!(entry, Entry::Step(_))).count();

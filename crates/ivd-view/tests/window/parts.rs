@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use egui::accesskit::Toggled;
 use egui::{Key, Pos2, vec2};
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use ivd_frames::{ClipPart, HalfSpace};
 
 use super::common::{BALL, Here, scene};
@@ -158,4 +159,36 @@ fn a_cut_and_a_box_need_no_pointer() {
         |told| matches!(told.clips[0].part, ClipPart::Box(cuboid) if cuboid.max[2] == 20.0),
     );
     assert_eq!(told.refused, None);
+}
+
+#[test]
+fn a_volume_that_is_clipped_is_exported_with_or_without_what_is_taken_away() {
+    let mut here = Here::ball();
+    here.press("Keep a box");
+    here.told("a box", |told| told.clips.len() == 1);
+    tab_to(&mut here, "Box 0: y to, mm");
+    typed(&mut here, "16");
+    here.told("it ends there", |told| told.undo.as_deref() == Some("move a clip"));
+    let mut written = Vec::new();
+    for (name, whole) in [("clipped.nii.gz", false), ("whole.nii.gz", true)] {
+        here.press("File");
+        here.press("Export deformed volume …");
+        let without = "without what planes and boxes take away";
+        assert!(here.harness.get_by_label(without).accesskit_node().toggled() == Some(Toggled::True));
+        if whole {
+            here.press(without);
+        }
+        here.press("Choose a place …");
+        here.until("it is asked where", |here| here.harness.query_by_label("Path").is_some());
+        let path = here.folder.path().join(name);
+        let field = here.harness.get_by_label("Path");
+        field.focus();
+        field.set_text_value_accesskit(&path.display().to_string());
+        here.harness.step();
+        here.press("Save");
+        here.until("it is written", |here| path.exists() && here.has("Written: "));
+        assert_eq!(here.has(", without what the plane or box takes away"), !whole);
+        written.push(std::fs::read(&path).unwrap());
+    }
+    assert!(written[0].len() < written[1].len(), "half of it is empty");
 }
