@@ -281,6 +281,8 @@ fn windows(seeds: &Path) -> Outcome {
         r#"{"do":"add","place":[8,8,13],"by":[0,0,1]}"#,
         r#"{"do":"move","handle":0,"by":[0,0,2]}"#,
         r#"{"do":"stiffness","stiffness":12}"#,
+        r#"{"do":"solver","solver":"springs"}"#,
+        r#"{"do":"material","class":1,"stiffness":30}"#,
         r#"{"do":"level","level":1}"#,
         r#"{"do":"map","map":"biharmonic"}"#,
         r#"{"do":"incise","centre":[8,8,8],"normal":[1,0,0],"radius":5,"open":1}"#,

@@ -129,6 +129,15 @@ pub struct Slice {
     pub slices: usize,
 }
 
+/// How stiff a class is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Matter {
+    /// Its number.
+    pub class: u16,
+    /// Stiffness of its springs (N/m); `None` where it is told otherwise, by a Young's modulus or a tissue.
+    pub stiffness: Option<f64>,
+}
+
 /// How a class is drawn.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Class {
@@ -209,6 +218,10 @@ pub struct Figures {
     pub solver: &'static str,
     /// Stiffness (N/m).
     pub stiffness: f64,
+    /// Classes along the lattice that may be stiffer than others; none where classes aren't known, or the lattice follows by rings.
+    pub matter: Vec<Matter>,
+    /// Whether classes are known.
+    pub knows_classes: bool,
     /// How the voxels follow.
     pub map: &'static str,
     /// Largest motion of a voxel (mm).

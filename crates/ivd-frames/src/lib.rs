@@ -32,13 +32,13 @@ pub use ivd_field::clip::{Cuboid, HalfSpace};
 pub use ivd_field::lies::Lies;
 pub use ivd_session::{ClipPart, Entry, Event};
 
-pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Missed, Refused, Slice, Spot};
+pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Matter, Missed, Refused, Slice, Spot};
 pub use log::Log;
 pub use made::Made;
 pub use model::Model;
 pub use opening::{Begun, Line, Scan, Tell};
 pub use overlay::Overlay;
-pub use request::{Axis, MapName, Pane, Request, Saved};
+pub use request::{Axis, MapName, Pane, Request, Saved, SolverName};
 pub use save::File;
 pub use service::{Client, Frame, Output, Picture, Service};
 pub use source::{Opened, Source, demo_scene};

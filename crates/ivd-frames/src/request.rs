@@ -61,6 +61,16 @@ pub enum MapName {
     Biharmonic,
 }
 
+/// A way in which the lattice follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SolverName {
+    /// By rings about handles.
+    Ring,
+    /// By springs, that can be stiffer by class.
+    Springs,
+}
+
 /// What is written to be kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -345,6 +355,18 @@ pub enum Request {
         /// N/m.
         stiffness: f64,
     },
+    /// Stiffness of the springs of a class; only with springs, and where classes are known.
+    Material {
+        /// Which.
+        class: u16,
+        /// N/m.
+        stiffness: f64,
+    },
+    /// Another way in which the lattice follows.
+    Solver {
+        /// Which.
+        solver: SolverName,
+    },
     /// Another way to carry the motion to the voxels.
     Map {
         /// Which.
@@ -430,7 +452,9 @@ impl Request {
                 "it isn't one".to_owned(),
                 "give # and six hexadecimal digits, such as #ff8800",
             ),
-            Self::Stiffness { stiffness } => lengths("stiffness", &[*stiffness]),
+            Self::Stiffness { stiffness } | Self::Material { stiffness, .. } => {
+                lengths("stiffness", &[*stiffness])
+            }
             _ => Ok(()),
         }
     }
@@ -476,7 +500,12 @@ impl Request {
                 self.clone_from(next);
                 true
             }
+            (Self::Material { class, .. }, Self::Material { class: same, .. }) if class == same => {
+                self.clone_from(next);
+                true
+            }
             (Self::Stiffness { .. }, Self::Stiffness { .. })
+            | (Self::Solver { .. }, Self::Solver { .. })
             | (Self::Level { .. }, Self::Level { .. })
             | (Self::Map { .. }, Self::Map { .. })
             | (Self::Hover { .. }, Self::Hover { .. })

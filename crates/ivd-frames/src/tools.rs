@@ -1,6 +1,6 @@
 //! The tools, and what hands do with them, for whoever shows a window: one table for all of them.
 
-use crate::{MapName, Saved};
+use crate::{MapName, Saved, SolverName};
 
 /// What the left button does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,6 +81,19 @@ impl MapName {
         match self {
             Self::Octree => "nearest",
             Self::Biharmonic => "smoothest",
+        }
+    }
+}
+
+impl SolverName {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Ring, Self::Springs];
+
+    /// How it is called in a window: by what the lattice follows.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Ring => "rings",
+            Self::Springs => "springs",
         }
     }
 }

@@ -220,6 +220,7 @@ impl Event {
             (Self::Turn { bone: a, .. }, Self::Turn { bone: b, .. })
             | (Self::SetSpace { space: a, .. }, Self::SetSpace { space: b, .. })
             | (Self::MoveClip { clip: a, .. }, Self::MoveClip { clip: b, .. }) => a == b,
+            (Self::Material { class: a, .. }, Self::Material { class: b, .. }) => a == b,
             (Self::Stiffness { .. }, Self::Stiffness { .. })
             | (Self::ClipRule(_), Self::ClipRule(_))
             | (Self::Map(_), Self::Map(_))

@@ -21,6 +21,7 @@ mod journal;
 mod keys;
 mod layout;
 mod made;
+mod matter;
 mod opened;
 mod over;
 mod pane;

@@ -82,6 +82,7 @@ impl Window {
             let response = response.on_hover_text(STIFFNESS);
             self.turned(&response, ("Stiffness", stiffness), request);
         }
+        self.follows_by(ui, figures);
         let mut level = self.value("Level", f64::from(figures.level));
         for response in
             slider(ui, "Level", "of the lattice", &mut level, 0.0..=f64::from(LEVELS), Scale::Whole)

@@ -3,6 +3,7 @@
 mod clips;
 mod hand;
 mod looks;
+mod matter;
 mod parts;
 mod replay;
 mod stroke;
@@ -49,6 +50,8 @@ pub struct Model {
     refused: Option<Refused>,
     /// What couldn't be done again when it was opened.
     missed: Vec<Missed>,
+    /// Classes along the lattice of a level.
+    along: Option<(u8, Vec<u16>)>,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
     /// Rise with every change of what a pane shows.
@@ -111,6 +114,7 @@ impl Model {
             hovered: None,
             refused: None,
             missed: Vec::new(),
+            along: None,
             spots: Vec::new(),
             pins: Vec::new(),
             versions: [1; 4],
@@ -301,6 +305,11 @@ impl Model {
             }
             Request::Level { level } => self.apply(Event::Level(*level)),
             Request::Stiffness { stiffness } => self.apply(Event::Stiffness { newton_per_metre: *stiffness }),
+            Request::Material { class, stiffness } => self.stiffen(*class, *stiffness),
+            Request::Solver { solver } => {
+                let known = [&self.session.settings().physics, &self.subject.settings.physics];
+                self.apply(Event::Physics(matter::solver(*solver, known)))
+            }
             Request::Map { map } => {
                 let map = chosen(*map, [&self.session.settings().map, &self.subject.settings.map]);
                 self.apply(Event::Map(map))
@@ -510,6 +519,7 @@ impl Model {
     /// What is told beside the pictures.
     pub fn figures(&mut self) -> Figures {
         self.place_spots();
+        self.find_classes();
         Figures::of(self)
     }
 }

@@ -59,6 +59,8 @@ impl Figures {
             vertices: session.lattice().keys().len(),
             solver,
             stiffness,
+            matter: model.matter(),
+            knows_classes: model.subject.labels.is_some(),
             map,
             largest_mm: last.largest_mm,
             min_det_j: last.min_det_j,

@@ -5,11 +5,12 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use ivd_core::{Exec, Image, Value as _};
-use ivd_frames::{Entry, Error, Model, Pane, Request, Saved, Subject, Tell, bare_scene};
+use ivd_frames::{Entry, Error, Model, Pane, Request, Saved, SolverName, Subject, Tell, bare_scene};
 use ivd_pipeline::plan::Plan;
 use ivd_pipeline::{PipelineOptions, Runner, run_node, scene};
 
 use super::common::{BALL, loaded, model};
+use super::scripts::assert_as_piped;
 
 #[test]
 fn a_scene_goes_into_a_session_and_out_again_without_loss() {
@@ -325,4 +326,56 @@ fn drawn(scene: scene::Scene) -> Image {
         done.insert(node.id, result);
     }
     image.unwrap()
+}
+
+#[test]
+fn a_class_is_made_stiffer_in_one_step_and_the_scene_says_so() {
+    let by_classes = BALL.replace("[lattice]\niso = 127.5\n", "[segment]\nk = 3\n");
+    let mut model = model(&by_classes.replace("mode = \"iso\"\niso = 127.5\n", ""));
+    let follow = |model: &mut Model, request: Request| {
+        model.follow(&request).unwrap();
+        let told = model.figures();
+        assert_eq!(told.refused, None, "{request:?}");
+        told
+    };
+    let add = Request::Add { place: [16.0, 28.0, 16.0], by: [0.0; 3] };
+    follow(&mut model, add);
+    let rings = model.figures();
+    assert!(rings.solver == "ring" && rings.matter.is_empty() && rings.knows_classes);
+    let refused = Request::Material { class: 1, stiffness: 9.0 };
+    model.follow(&refused).unwrap();
+    assert!(model.figures().refused.unwrap().why.contains("rings know no classes"));
+
+    let springs = follow(&mut model, Request::Solver { solver: SolverName::Springs });
+    assert_eq!((springs.solver, springs.stiffness), ("springs", rings.stiffness));
+    let class = springs.matter.last().unwrap().class;
+    assert!(springs.matter.iter().all(|one| one.stiffness == Some(springs.stiffness)), "{springs:?}");
+    let pulled = follow(&mut model, Request::Pull { handle: 0, with: [0.0, 40.0, 0.0] });
+    let steps = model.session().steps().count();
+    model.follow(&Request::Adjust).unwrap();
+    for stiffness in [100.0, 300.0, 900.0] {
+        follow(&mut model, Request::Material { class, stiffness });
+    }
+    let stiff = follow(&mut model, Request::Drop);
+    assert_eq!(stiff.matter.last().unwrap().stiffness, Some(900.0));
+    assert!(stiff.largest_mm < 0.8 * pulled.largest_mm, "{} {}", stiff.largest_mm, pulled.largest_mm);
+    assert_eq!(
+        (model.session().steps().count(), stiff.undo.as_deref()),
+        (steps + 1, Some("change a material"))
+    );
+    assert_eq!(model.session().steps().last().unwrap().events.len(), 1, "the last of it alone");
+    assert_as_piped(&model);
+    let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
+    let mut again = super::common::model(&String::from_utf8(kept.bytes).unwrap());
+    assert_eq!(again.figures().matter, stiff.matter);
+    assert_eq!(again.session().deformed(), model.session().deformed());
+    let undone = follow(&mut model, Request::Undo);
+    assert_eq!((undone.matter, undone.largest_mm), (springs.matter, pulled.largest_mm));
+    for wrong in
+        [Request::Material { class: 999, stiffness: 9.0 }, Request::Material { class, stiffness: f64::NAN }]
+    {
+        assert!(model.follow(&wrong).is_err());
+    }
+    model.follow(&Request::Material { class, stiffness: -1.0 }).unwrap();
+    assert!(model.figures().refused.is_some());
 }

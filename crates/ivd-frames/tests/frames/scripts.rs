@@ -6,7 +6,7 @@ use ivd_artefact::Cache;
 use ivd_core::{Displacement, Exec, Value as _, Volume};
 use ivd_field::lies::Lies;
 use ivd_field::shape::{Kind, Shape};
-use ivd_frames::{Axis, ClipPart, Cuboid, HalfSpace, MapName, Model, Pane, Request, Saved};
+use ivd_frames::{Axis, ClipPart, Cuboid, HalfSpace, MapName, Model, Pane, Request, Saved, SolverName};
 use ivd_map::space::Step;
 use ivd_pipeline::plan::Plan;
 use ivd_pipeline::scene::{Loaded, parse};
@@ -139,7 +139,12 @@ fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
         "undo" => vec![Request::Undo],
         "redo" => vec![Request::Redo],
         "level" => vec![Request::Level { level: [0, 1, 1, 2][draw.below(4)] }],
-        "stiffness" => vec![Request::Stiffness { stiffness: 20.0 + 60.0 * draw.unit() }],
+        // Where a bone is, rings are refused; classes aren't known here.
+        "stiffness" => vec![
+            Request::Solver { solver: [SolverName::Ring, SolverName::Springs][draw.below(2)] },
+            Request::Material { class: 1, stiffness: 40.0 },
+            Request::Stiffness { stiffness: 20.0 + 60.0 * draw.unit() },
+        ],
         "map" => vec![Request::Map { map: [MapName::Octree, MapName::Biharmonic][draw.below(2)] }],
         // A cut that opens, one that changes, and one that closes.
         "incise" => {

@@ -47,7 +47,7 @@ impl Draw {
     /// A request by its form, with hostile values.
     fn formed(&mut self) -> Json {
         let pane = ["volume", "axial", "coronal", "sagittal"][self.below(4)];
-        match self.below(25) {
+        match self.below(27) {
             0 => json!({ "do": "resize", "size": [32_768, 32_768] }),
             1 => json!({ "do": "orbit", "by": self.pair() }),
             2 => json!({ "do": "zoom", "factor": self.number(), "at": self.pair() }),
@@ -83,6 +83,8 @@ impl Draw {
                 let plane = json!({ "point": self.triple(), "normal": self.triple() });
                 json!({ "do": "move_clip", "clip": self.below(3), "part": { "plane": plane } })
             }
+            24 => json!({ "do": "material", "class": self.below(65_536), "stiffness": self.number() }),
+            25 => json!({ "do": "solver", "solver": ["ring", "springs", "body"][self.below(3)] }),
             _ => json!({ "do": "slice", "pane": pane, "steps": i32::MIN }),
         }
     }

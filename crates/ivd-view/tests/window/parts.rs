@@ -192,3 +192,27 @@ fn a_volume_that_is_clipped_is_exported_with_or_without_what_is_taken_away() {
     }
     assert!(written[0].len() < written[1].len(), "half of it is empty");
 }
+
+#[test]
+fn a_class_is_made_stiffer_once_the_lattice_follows_by_springs() {
+    let folder = Arc::new(tempfile::tempdir().unwrap());
+    let by_classes = BALL.replace("[lattice]\niso = 127.5\n", "[segment]\nk = 3\n");
+    let source = scene(folder.path(), &by_classes.replace("mode = \"iso\"\niso = 127.5\n", ""));
+    let mut here = Here::new(folder, Some(source), None);
+    here.settle();
+    assert!(here.has("Rings are as stiff everywhere."));
+    here.press("Follows by");
+    here.harness.run_ok();
+    here.press("springs");
+    let told = here.told("by springs", |told| told.solver == "springs" && !told.matter.is_empty());
+    here.harness.run_ok();
+    assert_named(&here);
+    assert!(!here.has("Rings are as stiff everywhere."));
+    let class = told.matter[0].class;
+    tab_to(&mut here, &format!("Stiffness of class {class}, N/m"));
+    typed(&mut here, "400");
+    let told = here.told("it is stiffer", |told| told.matter[0].stiffness == Some(400.0));
+    assert!(told.unsaved && told.undo.as_deref() == Some("change a material"));
+    here.press("Undo");
+    here.told("as before", |told| told.matter[0].stiffness == Some(told.stiffness));
+}

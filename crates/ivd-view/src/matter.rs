@@ -1,0 +1,56 @@
+//! By what the lattice follows, and how stiff classes are.
+
+use egui::{ComboBox, DragValue, Ui};
+use ivd_frames::{Figures, Matter, Request, SolverName};
+
+use crate::window::Window;
+
+/// By how much a field changes when the pointer is dragged over it by a point (N/m).
+const SPEED: f64 = 0.5;
+/// What rings can't.
+const RINGS: &str = "Rings are as stiff everywhere. By springs a class can be stiffer than others.";
+/// What a class's stiffness counts for.
+const CLASSES: &str = "Classes along the surface that is moved. It shows where something is pulled with a force, or where two of them lie within reach.";
+
+impl Window {
+    /// Shows by what the lattice follows, and the stiffness of classes where they may differ.
+    pub(crate) fn follows_by(&mut self, ui: &mut Ui, figures: &Figures) {
+        let is = |solver: SolverName| match solver {
+            SolverName::Ring => figures.solver == "ring",
+            SolverName::Springs => figures.solver == "springs",
+        };
+        let now = SolverName::ALL.into_iter().find(|solver| is(*solver));
+        let word = now.map_or(figures.solver, SolverName::word);
+        ComboBox::from_label("Follows by").selected_text(word).show_ui(ui, |ui| {
+            for solver in SolverName::ALL {
+                if ui.selectable_label(is(solver), solver.word()).clicked() {
+                    self.ask(Request::Solver { solver });
+                }
+            }
+        });
+        if !figures.knows_classes {
+            return;
+        }
+        if is(SolverName::Ring) {
+            ui.weak(RINGS);
+        }
+        for matter in &figures.matter {
+            ui.horizontal(|ui| self.matter(ui, matter));
+        }
+    }
+
+    fn matter(&mut self, ui: &mut Ui, Matter { class, stiffness }: &Matter) {
+        let full = format!("Stiffness of class {class}, N/m");
+        let mut value = self.value(&full, stiffness.unwrap_or(0.0));
+        let field = DragValue::new(&mut value).speed(SPEED).max_decimals(2).range(1e-2..=1e6);
+        let field = match stiffness {
+            Some(_) => field,
+            // By a Young's modulus or a tissue.
+            None => field.custom_formatter(|_, _| "by the scene".to_owned()),
+        };
+        let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+        let field = field.on_hover_text(CLASSES);
+        self.turned(&field, (&full, value), || Request::Material { class: *class, stiffness: value });
+        ui.label(format!("N/m: class {class}"));
+    }
+}
