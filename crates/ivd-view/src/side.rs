@@ -16,7 +16,10 @@ const STIFFEST: f64 = 1e5;
 impl Window {
     /// Shows the panel.
     pub(crate) fn side(&mut self, ui: &mut Ui) {
-        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        let width = ui.available_width();
+        ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+            // Texts wrap; what can't be narrower is scrolled to.
+            ui.set_max_width(width);
             if let Some(figures) = self.shown.figures().cloned() {
                 self.motion(ui, &figures);
                 ui.separator();

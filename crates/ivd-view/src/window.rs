@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui};
+use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui, UiBuilder};
 use ivd_frames::{Pane, Request, Source, Tool};
 
 use crate::again::{Before, Making};
@@ -115,7 +115,14 @@ impl Window {
         Panel::top("bar").show(ui, |ui| self.bar(ui));
         Panel::bottom("status").show(ui, |ui| self.status(ui));
         if self.layout.side && self.work.is_some() {
-            Panel::right("side").default_size(290.0).show(ui, |ui| self.side(ui));
+            Panel::right("side").default_size(290.0).show(ui, |ui| {
+                // As wide as it was made by hand, whatever it holds.
+                let room = ui.available_rect_before_wrap();
+                let mut inside = ui.new_child(UiBuilder::new().max_rect(room));
+                inside.shrink_clip_rect(room);
+                self.side(&mut inside);
+                ui.advance_cursor_after_rect(room);
+            });
         }
         let frame = Frame::new().fill(Color32::from_rgb(22, 24, 28)).inner_margin(Margin::same(2));
         CentralPanel::default().frame(frame).show(ui, |ui| self.pictures(ui));

@@ -2,7 +2,10 @@
 
 use egui::{Key, Pos2, vec2};
 
+use egui_kittest::kittest::Queryable as _;
+
 use super::common::Here;
+use super::keyboard::{tab_to, typed};
 
 /// Takes hold of the ball where it is seen, and pulls.
 fn pull(here: &mut Here) -> Pos2 {
@@ -96,4 +99,40 @@ fn a_slider_that_is_dragged_is_one_step() {
     here.press("Undo");
     let told = here.told("as before", |told| told.undo.is_none());
     assert_eq!(told.stiffness, before);
+}
+
+#[test]
+fn the_side_panel_is_as_wide_whatever_it_holds() {
+    let mut here = Here::ball();
+    let width = here.rect("Volume").width();
+    let same = |here: &Here, when: &str| assert_eq!(here.rect("Volume").width(), width, "{when}");
+    let to = pull(&mut here);
+    same(&here, "a handle is held");
+    for far in [40.0, 4000.0] {
+        here.harness.hover_at(to + vec2(far, -far));
+        here.harness.step();
+        here.harness.step();
+        same(&here, "it is dragged far");
+    }
+    here.button(to, false);
+    let id = here.told("it is let go of", |told| told.held.is_none()).handles[0].id;
+    tab_to(&mut here, &format!("Handle {id}: y, mm from rest"));
+    typed(&mut here, "-123456.78");
+    here.told("it is refused", |told| told.refused.is_some());
+    here.harness.run_ok();
+    same(&here, "a move is refused");
+    for (what, letter) in [("Export log …", "x"), ("Export lattice …", "y")] {
+        here.press("File");
+        here.press(what);
+        let path = here.folder.path().join(letter.repeat(200));
+        let field = here.harness.get_by_label("Path");
+        field.focus();
+        field.set_text_value_accesskit(&path.display().to_string());
+        here.harness.step();
+        here.press("Save");
+        here.until("it is written", |here| here.has(&format!("written: {}", path.display())));
+    }
+    here.harness.run_ok();
+    same(&here, "notes are long");
+    assert_eq!(here.rect("Volume").width(), here.rect("Axial slice").width());
 }

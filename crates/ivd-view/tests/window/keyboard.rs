@@ -18,6 +18,14 @@ pub(crate) fn tab_to(here: &mut Here, name: &str) {
     panic!("{name} is never reached by Tab");
 }
 
+/// Goes to a button, which may have to be scrolled to, and presses it.
+pub(crate) fn chosen(here: &mut Here, name: &str) {
+    tab_to(here, name);
+    here.harness.key_press(Key::Enter);
+    here.harness.step();
+    here.harness.step();
+}
+
 pub(crate) fn typed(here: &mut Here, text: &str) {
     here.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
     here.harness.event(Event::Text(text.to_owned()));

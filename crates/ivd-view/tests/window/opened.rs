@@ -6,7 +6,7 @@ use egui_kittest::kittest::Queryable as _;
 use ivd_frames::{Figures, Source};
 
 use super::common::{BALL, Here, scene};
-use super::keyboard::{tab_to, typed};
+use super::keyboard::{chosen, tab_to, typed};
 use super::names::assert_named;
 
 fn folder() -> Arc<tempfile::TempDir> {
@@ -117,7 +117,7 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     here.harness.run_ok();
     assert_named(&here);
     type_into(&mut here, "Value of the surface", "140");
-    here.press("Make again");
+    chosen(&mut here, "Make again");
     let kept = |iso| move |told: &Figures| told.made.iso == Some(iso) && told.pins.len() == 1;
     let told = here.told("a smaller ball", kept(140.0));
     assert!(told.vertices < vertices && told.handles.len() == 1, "{} {vertices}", told.vertices);
@@ -127,7 +127,7 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     here.told("a step less", |told| told.pins.is_empty() && told.redo.is_some());
     // What no scene takes is told, and nothing is lost.
     type_into(&mut here, "Value of the surface", "many");
-    here.press("Make again");
+    chosen(&mut here, "Make again");
     here.until("why not", |here| here.has("lattice.iso"));
     assert_eq!((here.figures().vertices, here.figures().handles.len()), (told.vertices, 1));
 
@@ -142,7 +142,7 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     here.press("Made of");
     here.harness.run_ok();
     type_into(&mut here, "Value of the surface", "110");
-    here.press("Make again");
+    chosen(&mut here, "Make again");
     here.told("a larger ball", |told| told.made.iso == Some(110.0) && told.handles.len() == 1);
     here.settle();
     let logs = std::fs::read_dir(folder.path().join("state")).unwrap().flatten();
@@ -163,7 +163,7 @@ fn what_cannot_be_done_again_is_asked_about() {
     here.harness.run_ok();
     for (answer, handles, iso) in [("Go back to how it was made", 1, 127.5), ("Go on without", 0, 250.0)] {
         type_into(&mut here, "Value of the surface", "250");
-        here.press("Make again");
+        chosen(&mut here, "Make again");
         here.until("it is asked", |here| here.has("1 step can't be done as it is made now"));
         assert!(here.has("ten voxel diagonals"));
         here.press(answer);
@@ -184,7 +184,7 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.harness.run_ok();
     // Where nothing is cut there is nothing to hold.
     type_into(&mut here, "Value of the surface", "1e9");
-    here.press("Make again");
+    chosen(&mut here, "Make again");
     here.until("why not", |here| here.has("It can't be made so"));
     here.press("All right");
     here.settle();
@@ -193,7 +193,7 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.press("Pin where the slices meet");
     here.told("a pin", |told| told.pins.len() == 1);
     type_into(&mut here, "Value of the surface", "1e9");
-    here.press("Make again");
+    chosen(&mut here, "Make again");
     here.until("why not", |here| here.has("It can't be made so"));
     here.press("All right");
     here.told("as it was", |told| told.pins.len() == 1 && told.undo.as_deref() == Some("pin"));

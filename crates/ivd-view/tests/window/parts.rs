@@ -186,8 +186,8 @@ fn a_volume_that_is_clipped_is_exported_with_or_without_what_is_taken_away() {
         field.set_text_value_accesskit(&path.display().to_string());
         here.harness.step();
         here.press("Save");
-        here.until("it is written", |here| path.exists() && here.has("Written: "));
-        assert_eq!(here.has(", without what the plane or box takes away"), !whole);
+        here.until("it is written", |here| here.has(&format!("Written: {}", path.display())));
+        assert_eq!(here.has(&format!("{name}, without what the plane or box takes away")), !whole);
         written.push(std::fs::read(&path).unwrap());
     }
     assert!(written[0].len() < written[1].len(), "half of it is empty");
