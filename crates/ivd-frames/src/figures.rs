@@ -43,7 +43,9 @@ pub struct Hovered {
     pub handle: Option<u32>,
     /// The vertex that a new handle would take, at rest; `None` where the lattice is too far.
     pub vertex: Option<[f64; 3]>,
-    /// How far that is from the place at rest (mm).
+    /// Where each pane shows that vertex where it is now, as shares.
+    pub vertex_at: [Option<[f64; 2]>; 4],
+    /// How far it is from the place at rest (mm).
     pub away_mm: Option<f64>,
     /// Where each pane shows the place, as shares.
     pub at: [Option<[f64; 2]>; 4],

@@ -172,6 +172,7 @@ impl Slices {
                     value: value_at(&self.volume, place),
                     handle: None,
                     vertex: None,
+                    vertex_at: [None; 4],
                     away_mm: None,
                     at: self.shares(place),
                 });

@@ -1,7 +1,7 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
-use ivd_frames::{Figures, Overlay, Pane, Spot, Tool};
+use ivd_frames::{Figures, Hovered, Overlay, Pane, Spot, Tool};
 
 use crate::shown::Shown;
 
@@ -30,6 +30,8 @@ pub(crate) struct Over<'a> {
     pub(crate) room: Rect,
     pub(crate) shown: &'a Shown,
     pub(crate) tool: Tool,
+    /// Whether the pointer is over a picture.
+    pub(crate) pointed: bool,
     /// The line that is drawn to cut along.
     pub(crate) line: Option<[[f64; 2]; 2]>,
 }
@@ -93,7 +95,8 @@ impl Over<'_> {
             self.ring(at, 5.0, colour, 2.0);
             self.ring(at, pin.radius as f32 * scale, colour.gamma_multiply(0.35), 1.0);
         }
-        let pointed = figures.hovered.as_ref().and_then(|hovered| hovered.handle);
+        let hovered = figures.hovered.as_ref().filter(|_| self.pointed);
+        let pointed = hovered.and_then(|hovered| hovered.handle);
         for one in &figures.handles {
             let Some(at) = one.at[number].map(|at| self.place(at)) else { continue };
             let held = figures.held == Some(one.id) || pointed == Some(one.id);
@@ -104,13 +107,22 @@ impl Over<'_> {
             }
             self.write(at + vec2(8.0, -8.0), Align2::LEFT_BOTTOM, one.id, LETTERS, colour);
         }
-        let hovered = figures.hovered.as_ref().filter(|hovered| hovered.vertex.is_some());
-        let would_take = self.tool == Tool::Handle && figures.held.is_none() && pointed.is_none();
-        if let Some(at) = hovered.filter(|_| would_take).and_then(|hovered| hovered.at[number]) {
-            let at = self.place(at);
-            self.ring(at, 3.0, Color32::WHITE, 1.0);
-            self.ring(at, figures.radius as f32 * scale, Color32::WHITE.gamma_multiply(0.35), 1.0);
+        if let Some(hovered) = hovered.filter(|_| figures.held.is_none() && pointed.is_none()) {
+            self.would_take(figures, hovered, scale);
         }
+    }
+
+    /// The vertex that a new handle would take, which may lie away from the pointer.
+    fn would_take(&self, figures: &Figures, hovered: &Hovered, scale: f32) {
+        let number = self.pane.number();
+        let Some(vertex) = hovered.vertex_at[number].filter(|_| self.tool == Tool::Handle) else { return };
+        let vertex = self.place(vertex);
+        let faint = Color32::WHITE.gamma_multiply(0.35);
+        if let Some(place) = hovered.at[number].filter(|_| hovered.pane == self.pane) {
+            self.painter.line_segment([self.place(place), vertex], Stroke::new(1.0, faint));
+        }
+        self.ring(vertex, 3.0, Color32::WHITE, 1.0);
+        self.ring(vertex, figures.radius as f32 * scale, faint, 1.0);
     }
 
     /// The mouth of the cut that there is, while another may be drawn, and the line that is drawn with its length.

@@ -33,7 +33,7 @@ fn spoken(pane: Pane) -> String {
 }
 
 /// Where a picture of a shape lies in a pane.
-fn fitted(rect: Rect, ratio: f32) -> Rect {
+pub(crate) fn fitted(rect: Rect, ratio: f32) -> Rect {
     let width = rect.width().min(rect.height() * ratio);
     Rect::from_center_size(rect.center(), vec2(width, width / ratio))
 }
@@ -64,7 +64,8 @@ impl Window {
             painter.image(texture.id(), room, whole, Color32::WHITE);
         }
         let line = self.hands.line(pane);
-        Over { painter: &painter, pane, rect, room, shown: &self.shown, tool: self.tool, line }.draw();
+        let (shown, tool, pointed) = (&self.shown, self.tool, self.pointed);
+        Over { painter: &painter, pane, rect, room, shown, tool, pointed, line }.draw();
         if self.tool == Tool::Incise && response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
         }

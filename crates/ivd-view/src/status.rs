@@ -35,7 +35,8 @@ impl Window {
     }
 
     fn under_the_pointer(&self) -> Option<String> {
-        let hovered = self.shown.hovered().map(|hovered| (hovered.place, hovered.value));
+        let hovered =
+            self.shown.hovered().filter(|_| self.pointed).map(|hovered| (hovered.place, hovered.value));
         let (place, value) = hovered.or_else(|| self.shown.cross())?;
         let value = value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
         Some(format!("{value} at {} mm", place.map(|c| format!("{c:.1}")).join(", ")))

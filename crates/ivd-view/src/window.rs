@@ -10,7 +10,7 @@ use crate::files;
 use crate::gestures::Hands;
 use crate::layout::Layout;
 use crate::made::Wish;
-use crate::pane::places;
+use crate::pane::{fitted, places};
 use crate::pending::Pending;
 use crate::received::Word;
 use crate::run::Options;
@@ -30,6 +30,8 @@ pub struct Window {
     pub(crate) shown: Shown,
     pub(crate) tool: Tool,
     pub(crate) hands: Hands,
+    /// Whether the pointer is over a picture.
+    pub(crate) pointed: bool,
     pub(crate) layout: Layout,
     pub(crate) dialog: Option<Dialog>,
     /// The system's dialog that is shown.
@@ -72,6 +74,7 @@ impl Window {
             shown: Shown::default(),
             tool: Tool::Turn,
             hands: Hands::default(),
+            pointed: false,
             layout,
             dialog: None,
             chooses: None,
@@ -149,7 +152,13 @@ impl Window {
             });
             return;
         }
-        for (pane, rect) in places(rect, self.layout.alone) {
+        let pointer = ui.input(|input| input.pointer.hover_pos());
+        let places = places(rect, self.layout.alone);
+        self.pointed = places.iter().any(|(pane, rect)| {
+            let room = self.shown.ratio(*pane).map(|ratio| fitted(*rect, ratio));
+            room.zip(pointer).is_some_and(|(room, at)| room.contains(at))
+        });
+        for (pane, rect) in places {
             self.pane(ui, pane, rect);
             if pane == Pane::Volume {
                 self.sized(ui.ctx(), rect.size() * ui.ctx().pixels_per_point());

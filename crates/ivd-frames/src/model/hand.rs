@@ -29,7 +29,8 @@ impl Model {
         let Some(place) = self.look(pane, at)? else { return Ok(None) };
         let rest = self.rest_of(place);
         let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
-        let vertex = found.ok().and_then(|picks| picks.first().map(|pick| (pick.at, pick.away())));
+        let vertex = found.ok().and_then(|picks| picks.first().copied());
+        let now = vertex.map(|pick| self.now_at(&pick));
         let volume = self.session.deformed();
         let grid = volume.grid();
         Ok(Some(Hovered {
@@ -38,8 +39,9 @@ impl Model {
             rest,
             value: value_at(volume, place),
             handle: self.handle_at(pane, at)?,
-            vertex: vertex.map(|(at, _)| at),
-            away_mm: vertex.map(|(_, away)| away),
+            vertex: vertex.map(|pick| pick.at),
+            vertex_at: now.map_or([None; 4], |now| self.panes.shares(grid, &self.lens, now)),
+            away_mm: vertex.map(|pick| pick.away()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
     }

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, Image, TransferFunction};
 use ivd_map::{BiharmonicParams, OctreeParams};
-use ivd_motion::handles::{Action, Anchor, Handle, Pin, find_picks};
+use ivd_motion::handles::{Action, Anchor, Handle, Pick, Pin, find_picks};
 use ivd_render::Lens;
 use ivd_session::{Event, Id, MapChoice, Session, Settings, Update};
 use nalgebra::Vector3;
@@ -446,13 +446,8 @@ impl Model {
         let settings = self.session.settings();
         let lattice = self.session.lattice();
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
-        // Steps in space move voxels and no lattice: it is the voxels that are seen.
-        let seen_at = |at: [f64; 3], now: [f64; 3]| {
-            if settings.space.is_empty() { now } else { self.session.moved(at) }
-        };
         let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
-            let gone = self.gone_by(pick.vertex);
-            let now = seen_at(pick.at, std::array::from_fn(|a| pick.at[a] + gone[a]));
+            let now = self.now_at(&pick);
             let (by, with) = match one.action {
                 Action::Move(by) => (Some(by), None),
                 Action::Force(with) => (None, Some(with)),
@@ -473,7 +468,7 @@ impl Model {
         let pins = settings.fixed.iter().zip(picks).map(|(one, pick)| Spot {
             id: one.id,
             rest: pick.at,
-            now: seen_at(pick.at, pick.at),
+            now: self.seen_at(pick.at, pick.at),
             by: None,
             with: None,
             radius: one.radius,
@@ -483,6 +478,17 @@ impl Model {
         (self.pins, self.spots) = (pins.collect(), spots);
         self.place_spots();
         Ok(())
+    }
+
+    /// Where a vertex is seen now.
+    fn now_at(&self, pick: &Pick) -> [f64; 3] {
+        let gone = self.gone_by(pick.vertex);
+        self.seen_at(pick.at, std::array::from_fn(|a| pick.at[a] + gone[a]))
+    }
+
+    /// Where something is seen that the lattice has brought from a place to another: steps in space move voxels and no lattice, and it is voxels that are seen.
+    fn seen_at(&self, at: [f64; 3], now: [f64; 3]) -> [f64; 3] {
+        if self.session.settings().space.is_empty() { now } else { self.session.moved(at) }
     }
 
     /// How far a vertex has moved (mm).

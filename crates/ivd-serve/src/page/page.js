@@ -2,7 +2,7 @@
 const $ = (id) => document.getElementById(id);
 const panes = ["volume", "axial", "coronal", "sagittal"];
 const pictures = {}; // of each pane: a bitmap
-let figures = null, drives = false, mayDrive = false, socket = null, lock = null, press = null, wanted = null;
+let figures = null, drives = false, mayDrive = false, socket = null, lock = null, press = null, wanted = null, pointed = false;
 
 const send = (request) => {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
@@ -256,17 +256,20 @@ function over(context, name, number, place, scale, canvas) {
     const at = place(one.at[number]);
     if (!at) continue;
     near(one);
-    const held = figures.held === one.id || figures.hovered?.handle === one.id;
+    const held = figures.held === one.id || (pointed && figures.hovered?.handle === one.id);
     ring(at, 6 * unit, held ? "#ffd479" : "#ffb454", held ? 3 : 2);
     if (held) ring(at, one.radius * scale, "#ffb45488");
     context.fillStyle = "#ffb454";
     context.fillText(one.id, at[0] + 8 * unit, at[1] - 8 * unit);
   }
   context.globalAlpha = 1;
-  const hovered = figures.hovered;
-  if (hovered && figures.held == null && tool() === "handle" && hovered.vertex) {
-    const at = place(hovered.at[number]);
-    if (at) { ring(at, 3 * unit, "#fff"); ring(at, figures.radius * scale, "#ffffff55"); }
+  // The vertex that a new handle would take, which may lie away from the pointer.
+  const hovered = pointed ? figures.hovered : null;
+  const vertex = hovered && hovered.handle == null && figures.held == null && tool() === "handle" ? place(hovered.vertex_at[number]) : null;
+  if (vertex) {
+    const at = hovered.pane === name ? place(hovered.at[number]) : null;
+    if (at) { context.strokeStyle = "#ffffff55"; context.lineWidth = unit; context.beginPath(); context.moveTo(...at); context.lineTo(...vertex); context.stroke(); }
+    ring(vertex, 3 * unit, "#fff"); ring(vertex, figures.radius * scale, "#ffffff55");
   }
   // The mouth of the cut while another may be drawn; the line that is drawn, with its length.
   const drawn = press?.does === "incise" && press.name === name ? [press.first, press.at] : null;
@@ -359,6 +362,8 @@ for (const name of panes) {
     if (does === "pin") now({ do: "pin", pane: name, at });
     if (does === "cross") now({ do: "cross", pane: name, at });
   });
+  canvas.addEventListener("pointerenter", () => { pointed = true; });
+  canvas.addEventListener("pointerleave", () => { pointed = false; if (figures) draw(); });
   canvas.addEventListener("pointermove", (event) => {
     if (!drives || !figures || (press && press.pointer !== event.pointerId)) return;
     const at = share(event, name);

@@ -1,10 +1,10 @@
 //! By mouse.
 
-use egui::{Key, Pos2, vec2};
+use egui::{Color32, Key, Pos2, Shape, vec2};
 
 use egui_kittest::kittest::Queryable as _;
 
-use super::common::Here;
+use super::common::{BALL, Here, scene};
 use super::keyboard::{tab_to, typed};
 
 /// Takes hold of the ball where it is seen, and pulls.
@@ -99,6 +99,55 @@ fn a_slider_that_is_dragged_is_one_step() {
     here.press("Undo");
     let told = here.told("as before", |told| told.undo.is_none());
     assert_eq!(told.stiffness, before);
+}
+
+/// Middles of the small white rings that are drawn.
+fn rings(here: &Here) -> Vec<Pos2> {
+    fn find(shape: &Shape, found: &mut Vec<Pos2>) {
+        match shape {
+            Shape::Vec(shapes) => shapes.iter().for_each(|shape| find(shape, found)),
+            Shape::Circle(ring) if ring.radius == 3.0 && ring.stroke.color == Color32::WHITE => {
+                found.push(ring.center);
+            }
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    here.harness.output().shapes.iter().for_each(|clipped| find(&clipped.shape, &mut found));
+    found
+}
+
+#[test]
+fn a_ring_is_drawn_about_the_vertex_that_would_be_taken_and_none_when_the_pointer_has_left() {
+    let folder = std::sync::Arc::new(tempfile::tempdir().unwrap());
+    let source = scene(folder.path(), &BALL.replace("level = 1", "level = 3"));
+    let mut here = Here::new(folder, Some(source), None);
+    here.settle();
+    here.harness.key_press(Key::H);
+    let at = here.at("Volume", 0.53, 0.43);
+    here.harness.hover_at(at);
+    let told = here.told("a vertex", |told| told.hovered.as_ref().is_some_and(|one| one.vertex.is_some()));
+    assert!(told.hovered.unwrap().away_mm.unwrap() > 1.0, "the lattice is coarse");
+    here.harness.step();
+    let drawn = rings(&here);
+    here.button(at, true);
+    let taken = here.told("it is taken", |told| told.held.is_some());
+    here.button(at, false);
+    here.told("it is let go of", |told| told.held.is_none());
+    let (pane, share) = (here.rect("Volume"), taken.handles[0].at[0].unwrap());
+    let ratio = taken.size[0] as f32 / taken.size[1] as f32;
+    let width = pane.width().min(pane.height() * ratio);
+    let room = egui::Rect::from_center_size(pane.center(), vec2(width, width / ratio));
+    let vertex = room.min + vec2(share[0] as f32 * room.width(), share[1] as f32 * room.height());
+    assert!(drawn.iter().any(|ring| ring.distance(vertex) < 0.5), "{drawn:?} but not {vertex:?}");
+    assert!(vertex.distance(at) > 3.0);
+    let at = here.at("Volume", 0.4, 0.6);
+    here.harness.hover_at(at);
+    here.until("another vertex", |here| !rings(here).is_empty());
+    let aside = here.rect("Stiffness").center();
+    here.harness.hover_at(aside);
+    here.harness.step();
+    assert_eq!(rings(&here), [], "the pointer has left the pictures");
 }
 
 #[test]
