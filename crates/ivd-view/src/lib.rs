@@ -32,6 +32,7 @@ mod shown;
 mod side;
 mod status;
 mod system;
+mod waits;
 mod window;
 mod work;
 

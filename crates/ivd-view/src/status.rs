@@ -1,14 +1,10 @@
 //! The line at the bottom: what lies under the pointer, what the last motion came to, what it took; and how opening goes on.
 
-use std::time::Duration;
-
 use egui::{Align, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
 use ivd_frames::{Figures, NOTICE};
 
+use crate::waits::SOON;
 use crate::window::Window;
-
-/// What comes within so long needs no word.
-const SOON: Duration = Duration::from_millis(300);
 
 /// What a figure of the line means.
 const DET_J: &str = "Largest motion: of any voxel. det J: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
@@ -16,11 +12,11 @@ const DET_J: &str = "Largest motion: of any voxel. det J: the least share of its
 impl Window {
     /// Shows the line.
     pub(crate) fn status(&mut self, ui: &mut Ui) {
-        let waited = self.asked.filter(|_| self.shown.figures().is_some()).map(|since| since.elapsed());
-        if waited.is_some_and(|waited| waited < SOON) {
+        let waits = self.asked.filter(|_| self.shown.figures().is_some());
+        if waits.is_some() {
             ui.ctx().request_repaint_after(SOON);
         }
-        let works = waited.filter(|waited| *waited >= SOON).map(|_| "working …".to_owned());
+        let works = waits.and_then(|waits| waits.told());
         ui.horizontal(|ui| {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);

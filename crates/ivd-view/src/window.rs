@@ -1,5 +1,4 @@
 use std::path::PathBuf;
-use std::time::Instant;
 
 use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui, UiBuilder};
 use ivd_frames::{Pane, Request, Source, Tool};
@@ -16,6 +15,7 @@ use crate::received::Word;
 use crate::run::Options;
 use crate::shown::Shown;
 use crate::system::{Asked, Purpose};
+use crate::waits::Waits;
 use crate::work::Work;
 
 /// A picture of this many pixels is drawn soon enough; more are left to the screen.
@@ -53,8 +53,8 @@ pub struct Window {
     /// Where a picture of the window goes, and from which pass on it is taken.
     pub(crate) photograph: Option<(PathBuf, u64)>,
     pub(crate) notes: Vec<String>,
-    /// Since when an answer is waited for.
-    pub(crate) asked: Option<Instant>,
+    /// What an answer is waited for to, and since when.
+    pub(crate) asked: Option<Waits>,
     pub(crate) word: Option<Word>,
     /// To be opened as soon as there is a window.
     first: Option<Source>,
@@ -190,8 +190,9 @@ impl Window {
             if let Some(making) = &mut self.making {
                 making.ask(&request);
             }
+            let waits = self.asked.get_or_insert_with(Waits::begin);
+            waits.ask(&request);
             work.ask(request);
-            self.asked.get_or_insert_with(Instant::now);
         }
     }
 

@@ -1,0 +1,98 @@
+//! What is worked on, in a word, while an answer is waited for.
+
+use std::time::{Duration, Instant};
+
+use ivd_frames::Request;
+
+/// What comes within so long needs no word.
+pub(crate) const SOON: Duration = Duration::from_millis(300);
+/// What only looks.
+const DRAWING: &str = "drawing";
+
+/// What an answer is waited for to.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Waits {
+    does: &'static str,
+    since: Instant,
+}
+
+impl Waits {
+    pub(crate) fn begin() -> Self {
+        Self { does: DRAWING, since: Instant::now() }
+    }
+
+    /// Something more is asked for: what is worked on is what was asked first, but for what only looks.
+    pub(crate) fn ask(&mut self, request: &Request) {
+        if self.does == DRAWING {
+            self.does = doing(request);
+        }
+    }
+
+    /// What is done, and for how long already; `None` where that isn't worth a word yet.
+    pub(crate) fn told(&self) -> Option<String> {
+        told(self.does, self.since.elapsed())
+    }
+}
+
+fn told(does: &str, waited: Duration) -> Option<String> {
+    match waited.as_secs() {
+        _ if waited < SOON => None,
+        0 => Some(format!("{does} …")),
+        seconds => Some(format!("{does}, {seconds} s …")),
+    }
+}
+
+/// What a request lets be worked on.
+fn doing(request: &Request) -> &'static str {
+    match request {
+        Request::Grab { .. }
+        | Request::Drag { .. }
+        | Request::Drop
+        | Request::Abandon
+        | Request::Radius { .. }
+        | Request::Wheel { .. }
+        | Request::Add { .. }
+        | Request::Move { .. }
+        | Request::Pull { .. }
+        | Request::Remove { .. }
+        | Request::Pin { .. }
+        | Request::Release { .. }
+        | Request::Stiffness { .. }
+        | Request::Material { .. }
+        | Request::Solver { .. }
+        | Request::Map { .. }
+        | Request::Reset => "moving",
+        Request::Incise { .. } | Request::Stroke { .. } | Request::Open { .. } => "cutting",
+        Request::Close { .. } => "closing the cut",
+        Request::Clip { .. }
+        | Request::ClipHere { .. }
+        | Request::ClipBox { .. }
+        | Request::MoveClip { .. }
+        | Request::ClipIn { .. }
+        | Request::Unclip { .. } => "clipping",
+        Request::Turn { .. } => "turning a bone",
+        Request::Undo => "undoing",
+        Request::Redo => "doing it again",
+        Request::Level { .. } => "changing the level",
+        Request::Save { .. } => "saving",
+        _ => DRAWING,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_worked_on_is_told_with_how_long_that_has_taken() {
+        let after = |ms| told("cutting", Duration::from_millis(ms));
+        assert_eq!([after(299), after(300)], [None, Some("cutting …".to_owned())]);
+        assert_eq!(after(3900).as_deref(), Some("cutting, 3 s …"));
+        let mut waits = Waits::begin();
+        let hover = Request::Hover { pane: ivd_frames::Pane::Axial, at: [0.5; 2] };
+        for (request, does) in [(hover.clone(), DRAWING), (Request::Undo, "undoing"), (hover, "undoing")] {
+            waits.ask(&request);
+            assert_eq!(waits.does, does);
+        }
+    }
+}
