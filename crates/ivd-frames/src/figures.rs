@@ -129,6 +129,8 @@ pub struct Slice {
     pub slice: usize,
     /// How many there are.
     pub slices: usize,
+    /// Whether planes or boxes take something of it away.
+    pub clipped: bool,
 }
 
 /// How stiff a class is.

@@ -106,6 +106,7 @@ impl Planes {
                 extent_mm: plane.extent(grid),
                 slice: self.slice(plane, grid.dims()),
                 slices: grid.dims()[plane.cut()],
+                clipped: false,
             }
         })
     }

@@ -185,7 +185,8 @@ impl Over<'_> {
         }
         if let Some(slice) = self.pane.number().checked_sub(1).and_then(|n| Some(&self.shown.slices()?[n])) {
             let at = rect.left_bottom() + vec2(6.0, -4.0);
-            let which = format!("{} / {}", slice.slice + 1, slice.slices);
+            let clipped = if slice.clipped { " · clipped" } else { "" };
+            let which = format!("{} / {}{clipped}", slice.slice + 1, slice.slices);
             self.write(at, Align2::LEFT_BOTTOM, which, LETTERS, TEXT);
         }
     }

@@ -84,7 +84,8 @@ impl Window {
     fn describe(&self, ui: &Ui, response: &Response, pane: Pane) {
         let text = match (pane.number().checked_sub(1), self.shown.slices(), self.shown.figures()) {
             (Some(slice), Some(slices), _) => {
-                format!("slice {} of {}", slices[slice].slice + 1, slices[slice].slices)
+                let clipped = if slices[slice].clipped { ", clipped by planes or boxes" } else { "" };
+                format!("slice {} of {}{clipped}", slices[slice].slice + 1, slices[slice].slices)
             }
             (None, _, Some(figures)) => {
                 let [azimuth, elevation] = figures.angles;

@@ -1,14 +1,54 @@
 //! Planes and boxes that clip.
 
+use ivd_core::VoxelIndex;
 use ivd_field::clip::{Cuboid, HalfSpace};
 use ivd_field::lies::Lies;
 use ivd_session::{ClipPart, ClipRule, Event};
 
 use super::{Model, no_more_than};
+use crate::figures::Slice;
 use crate::request::MOST_HANDLES;
 use crate::{Error, Request};
 
 impl Model {
+    /// Finds which slices planes and boxes take something away of.
+    pub(super) fn find_clipped(&mut self) {
+        let slices = self.slices();
+        for (number, (pane, axis, slice)) in slices.into_iter().enumerate() {
+            let version = self.versions[pane.number()];
+            if self.clipped[number].0 != version {
+                self.clipped[number] = (version, self.is_clipped(axis, slice));
+            }
+        }
+    }
+
+    /// Whether the deformed volume is another in a slice than it would be if nothing clipped it.
+    fn is_clipped(&self, axis: usize, slice: usize) -> bool {
+        if self.session.settings().clip.parts.is_empty() {
+            return false;
+        }
+        let (shown, whole) = (self.session.deformed(), self.session.whole());
+        let grid = shown.grid();
+        let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+        let mut voxels = (0..grid.dims()[v]).flat_map(|b| (0..grid.dims()[u]).map(move |a| [a, b]));
+        voxels.any(|[a, b]| {
+            let mut at = [slice; 3];
+            (at[u], at[v]) = (a, b);
+            let [shown, whole] = [shown, whole].map(|volume| volume.value(VoxelIndex(at)));
+            // What is no number stays none.
+            shown != whole && !(shown.is_nan() && whole.is_nan())
+        })
+    }
+
+    /// What is told of the slices.
+    pub(super) fn told_slices(&self) -> [Slice; 3] {
+        let mut slices = self.panes.planes.told(self.session.rest().grid());
+        for (slice, (_, clipped)) in slices.iter_mut().zip(self.clipped) {
+            slice.clipped = clipped;
+        }
+        slices
+    }
+
     /// Follows a request about planes and boxes.
     pub(super) fn change_clip(&mut self, request: &Request) -> Result<(), Error> {
         self.let_go_of_handles()?;

@@ -50,6 +50,8 @@ pub struct Model {
     refused: Option<Refused>,
     /// What couldn't be done again when it was opened.
     missed: Vec<Missed>,
+    /// By slice, whether it was clipped when its pane had a version.
+    clipped: [(u64, bool); 3],
     /// Classes along the lattice of a level.
     along: Option<(u8, Vec<u16>)>,
     spots: Vec<Spot>,
@@ -114,6 +116,7 @@ impl Model {
             hovered: None,
             refused: None,
             missed: Vec::new(),
+            clipped: [(0, false); 3],
             along: None,
             spots: Vec::new(),
             pins: Vec::new(),
@@ -526,6 +529,7 @@ impl Model {
     pub fn figures(&mut self) -> Figures {
         self.place_spots();
         self.find_classes();
+        self.find_clipped();
         Figures::of(self)
     }
 }

@@ -47,7 +47,7 @@ impl Figures {
             cross_value: value_at(volume, cross),
             cross_at: panes.shares(grid, &model.lens, cross),
             hovered: model.hovered.clone(),
-            slices: panes.planes.told(grid),
+            slices: model.told_slices(),
             classes: model.classes(),
             unsaved: model.is_unsaved(),
             overlay: model.overlay,

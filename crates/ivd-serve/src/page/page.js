@@ -295,7 +295,7 @@ function over(context, name, number, place, scale, canvas) {
   }
   if (name !== "volume") {
     const slice = figures.slices[number - 1];
-    context.fillText(`${slice.slice + 1} / ${slice.slices}`, 6 * unit, canvas.height - 8 * unit);
+    context.fillText(`${slice.slice + 1} / ${slice.slices}${slice.clipped ? " · clipped" : ""}`, 6 * unit, canvas.height - 8 * unit);
   }
   // A bar of a round length.
   const most = (0.25 * canvas.width) / scale, power = 10 ** Math.floor(Math.log10(most));
