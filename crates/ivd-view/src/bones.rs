@@ -16,7 +16,7 @@ impl Window {
         }
         ui.heading("Bones");
         Grid::new("bones").num_columns(5).show(ui, |ui| {
-            for word in ["", "turn", "x", "y", "z"] {
+            for word in ["", "turn (°)", "x (mm)", "y (mm)", "z (mm)"] {
                 ui.weak(word);
             }
             ui.end_row();

@@ -6,6 +6,14 @@ use ivd_frames::{Figures, Pane, Request, Spot};
 use crate::gestures::go_to;
 use crate::window::Window;
 
+/// The axes, ...
+const AXES: [&str; 3] = ["x", "y", "z"];
+/// ... and the sides of the patient that they go to, in a letter and in words.
+const SIDES: [(&str, &str); 3] = [
+    ("R", "to the right; less than 0: to the left"),
+    ("A", "to the front; less than 0: to the back"),
+    ("S", "to the head; less than 0: to the feet"),
+];
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -14,11 +22,21 @@ impl Window {
     pub(crate) fn handles(&mut self, ui: &mut Ui, figures: &Figures) {
         ui.heading("Handles");
         self.new_handle(ui, figures);
+        if !figures.handles.is_empty() {
+            ui.weak("moved by, and reach (mm):");
+        }
         Grid::new("handles").num_columns(6).show(ui, |ui| {
             if !figures.handles.is_empty() {
-                for word in ["", "x", "y", "z", "reach", ""] {
-                    ui.weak(word);
+                ui.weak("");
+                for (axis, (side, way)) in AXES.into_iter().zip(SIDES) {
+                    if figures.letters.is_some() {
+                        ui.weak(format!("{axis} ({side})")).on_hover_text(way);
+                    } else {
+                        ui.weak(axis);
+                    }
                 }
+                ui.weak("reach");
+                ui.weak("");
                 ui.end_row();
             }
             for one in &figures.handles {
@@ -43,7 +61,8 @@ impl Window {
     /// A handle more, at a place that is typed or where the slices meet.
     fn new_handle(&mut self, ui: &mut Ui, figures: &Figures) {
         ui.horizontal(|ui| {
-            let field = TextEdit::singleline(&mut self.place).hint_text("x, y, z (mm)").desired_width(110.0);
+            ui.label("place (mm)");
+            let field = TextEdit::singleline(&mut self.place).hint_text("x, y, z").desired_width(110.0);
             let field = ui.add(field).accessible_name("Place of a new handle, at rest, mm");
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
             if ui.button("Add").on_hover_text("A handle at that place").clicked() || entered {
@@ -76,16 +95,17 @@ impl Window {
         let held = figures.held == Some(id);
         let go =
             ui.add(Button::new(id.to_string()).selected(held)).accessible_name(format!("Go to handle {id}"));
-        if go.on_hover_text("The slices go there").clicked() {
+        if go.on_hover_text(format!("At {} mm; the slices go there", place(one.now))).clicked() {
             self.ask_all(go_to(one));
         }
         let pulls = one.with.is_some();
         let unit = if pulls { "mN" } else { "mm from rest" };
         let mut told = one.with.or(one.by).unwrap_or_default();
-        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        for (axis, name) in AXES.into_iter().enumerate() {
             let full = format!("Handle {id}: {name}, {unit}");
             told[axis] = self.value(&full, told[axis]);
             let field = DragValue::new(&mut told[axis]).speed(SPEED).max_decimals(2).range(-1e6..=1e6);
+            let field = if pulls { field.suffix(" mN") } else { field };
             let field = ui.add(field.update_while_editing(false));
             let field = field.accessible_name(full.clone());
             self.turned(&field, (&full, told[axis]), || {
