@@ -49,8 +49,10 @@ pub struct Subject {
     pub settings: Settings,
     /// What the body is made of.
     pub made: Made,
-    /// What was chosen, for a person to read.
+    /// What it is made of, and what is done otherwise than the scene says, for a person to read.
     pub said: Vec<String>,
+    /// Whether that was chosen here: of a bare scan. A scene says it, or leaves it to be found.
+    pub is_chosen: bool,
 }
 
 /// The scene of a bare scan.
@@ -141,9 +143,16 @@ impl Subject {
         let settings = settings(&scene)?;
         let part = done.iter().find(|(id, _)| id.stage == ivd_boundary::STAGE.name);
         let part = part.map(|(_, result)| json!(result.record.metrics));
+        let found = part.as_ref().and_then(|part| part_of(&volume, part));
         if is_bare {
-            let part = part.as_ref().and_then(|part| part_of(&volume, part));
-            said.splice(0..0, part.into_iter().chain([material_of(&settings)]));
+            said.splice(0..0, found.into_iter().chain([material_of(&settings)]));
+        } else {
+            let iso = scene.param(&ivd_lattice::extract::STAGE, "iso");
+            said.extend(found.or(iso.map(|iso| format!("the surface: where values are {iso}"))));
+            said.extend([
+                material_of(&settings),
+                format!("level {}, for {vertices} vertices as cut", settings.level),
+            ]);
         }
         let asks = |key| {
             let asked = scene.param(&ivd_render::STAGE, key);
@@ -164,7 +173,14 @@ impl Subject {
             picture: RenderParams { turntable: 1, keep_light: false, ..picture },
             settings,
             said,
+            is_chosen: is_bare,
         })
+    }
+
+    /// What was said of it, each with who said it.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        let who = if self.is_chosen { "chosen" } else { "in this scene" };
+        self.said.iter().map(move |said| format!("{who}: {said}"))
     }
 
     /// The scene with other settings: what `ivd pipeline` makes of it is what a session shows that is at them.
@@ -191,7 +207,10 @@ fn material_of(settings: &Settings) -> String {
         Physics::Ring(params) => params.stiffness,
         Physics::Springs(params) => params.springs.stiffness,
     };
-    format!("the material: the same everywhere, {stiffness} N/m")
+    let by_class =
+        matches!(&settings.physics, Physics::Springs(params) if !params.springs.material.is_empty());
+    let everywhere = if by_class { "by class, elsewhere" } else { "the same everywhere," };
+    format!("the material: {everywhere} {stiffness} N/m")
 }
 
 fn missing(what: &'static str) -> Error {

@@ -89,7 +89,7 @@ impl Work {
         let (its, to, with) = (exec.clone(), shared.clone(), (!is_last).then(|| written(&again.overrides)));
         let open = move |tell: &Tell| {
             let subject = Subject::open(&loaded, is_bare, &cache, &its, tell)?;
-            subject.said.iter().for_each(|said| tell.note(format!("chosen: {said}")));
+            subject.notes().for_each(|note| tell.note(note));
             let begin =
                 |folder: PathBuf| Journal::begin(&folder, its_of.as_deref(), its_scan.as_deref(), with);
             let begun = folder.map(begin);

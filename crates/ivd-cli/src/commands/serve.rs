@@ -22,9 +22,9 @@ pub(super) fn run(args: ServeArgs, context: &Context) -> anyhow::Result<()> {
     let (cache, exec) = (context.pipeline_cache()?, context.exec.clone());
     let open = move |tell: &Tell| {
         let subject = Subject::open(&loaded, is_bare, &cache, &exec, tell)?;
-        for said in &subject.said {
-            exec.observer().note(&format!("chosen: {said}"));
-            tell.note(format!("chosen: {said}"));
+        for note in subject.notes() {
+            exec.observer().note(&note);
+            tell.note(note);
         }
         Ok(Begun { entries, ..Model::new(subject, SIZE, exec)?.into() })
     };
