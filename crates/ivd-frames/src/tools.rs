@@ -32,6 +32,17 @@ impl Tool {
         }
     }
 
+    /// How it is used, in a few words.
+    pub fn hint(self) -> &'static str {
+        match self {
+            Self::Turn => "drag the volume to turn it, in a slice to move the cross hair",
+            Self::Handle => "drag from a surface, in any picture, to move it; wheel over a handle: its reach",
+            Self::Pin => "press, in any picture, on what is to stay where it is",
+            Self::Incise => "draw a line over the body, in any picture",
+            Self::Brightness => "drag over a picture: its contrast and brightness",
+        }
+    }
+
     /// The key that chooses it.
     pub fn key(self) -> char {
         match self {

@@ -1,6 +1,6 @@
 //! The bar at the top: menus, tools, steps.
 
-use egui::{Button, Context, KeyboardShortcut, MenuBar, Ui};
+use egui::{Button, Context, KeyboardShortcut, Label, MenuBar, RichText, Ui};
 use ivd_frames::{Pane, Request, Saved, Tool};
 use ivd_render::Side;
 
@@ -35,6 +35,9 @@ fn item(ui: &mut Ui, is_there: bool, text: &str, keys: Option<&KeyboardShortcut>
     pressed
 }
 
+/// What can be done while a handle is held.
+const HELD: &str = "wheel: reach; X, Y, Z: along an axis; Esc: as before";
+
 impl Window {
     /// Shows the bar.
     pub(crate) fn bar(&mut self, ui: &mut Ui) {
@@ -55,7 +58,16 @@ impl Window {
             }
             ui.separator();
             self.steps(ui);
+            self.hint(ui);
         });
+    }
+
+    /// How the tool is used, or what is held.
+    fn hint(&self, ui: &mut Ui) {
+        let Some(figures) = self.shown.figures() else { return };
+        let hint = if figures.held.is_some() { HELD } else { self.tool.hint() };
+        ui.separator();
+        ui.add(Label::new(RichText::new(hint).weak()).truncate());
     }
 
     /// Undo and redo by what they would do.
