@@ -330,3 +330,22 @@ fn the_whole_volume_is_what_the_pipeline_makes_of_the_scene_without_its_clips() 
     assert_eq!(file(&model, Saved::Volume).bytes, whole.bytes);
     assert_eq!(file(&model, Saved::Whole).bytes, whole.bytes, "nothing is clipped");
 }
+
+#[test]
+fn slices_tell_where_planes_and_boxes_take_something_away() {
+    let mut model = model(BALL);
+    let clipped = |told: &Figures| told.slices.map(|slice| slice.clipped);
+    assert_eq!(clipped(&model.figures()), [false; 3]);
+    // What lies to the left of x = 22 goes; the sagittal slice lies on the other side.
+    let told = follow(&mut model, &Request::Clip { point: [22.0, 16.0, 16.0], normal: [-1.0, 0.0, 0.0] });
+    assert_eq!(clipped(&told), [true, true, false]);
+    let told = follow(&mut model, &Request::Slice { pane: Pane::Sagittal, steps: 40 });
+    let far = told.slices[2].clipped;
+    let told = follow(&mut model, &Request::Slice { pane: Pane::Sagittal, steps: -7 });
+    assert!(
+        !far && told.slices[2].slice == 24 && told.slices[2].clipped,
+        "beside the ball there is nothing to take"
+    );
+    let told = follow(&mut model, &Request::Unclip { clip: 0 });
+    assert_eq!(clipped(&told), [false; 3]);
+}

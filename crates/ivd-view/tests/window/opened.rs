@@ -213,3 +213,35 @@ fn what_cannot_be_written_is_told() {
     here.until("why not", |here| here.has("This could not be written"));
     assert!(here.has("lattice.ply"));
 }
+
+#[test]
+fn a_scene_says_what_is_made_of_it_and_that_nothing_was_chosen() {
+    let here = Here::ball();
+    for told in [
+        "in this scene: the surface: where values are 127.5",
+        "in this scene: the material",
+        "in this scene: level 1",
+    ] {
+        assert!(here.has(told), "{told}");
+    }
+    assert!(!here.has("chosen: "));
+}
+
+#[test]
+fn what_takes_long_is_told_by_what_it_is() {
+    let folder = folder();
+    let source =
+        scene(folder.path(), &BALL.replace("size = 32", "size = 128").replace("level = 1", "level = 3"));
+    let mut here = Here::new(folder, Some(source), None);
+    here.settle();
+    tab_to(&mut here, "Radius, as a number");
+    typed(&mut here, "50");
+    here.told("it reaches far", |told| told.radius == 50.0);
+    here.press("Cut where the slices meet");
+    here.harness.run_ok();
+    here.press("Cut along the sagittal slice");
+    here.until("what is worked on", |here| here.has("cutting"));
+    here.told("a cut", |told| told.incision.is_some());
+    here.settle();
+    assert!(!here.has("cutting"));
+}

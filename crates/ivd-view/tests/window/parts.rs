@@ -5,7 +5,7 @@ use std::sync::Arc;
 use egui::accesskit::Toggled;
 use egui::{Key, Pos2, vec2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use ivd_frames::{ClipPart, HalfSpace};
+use ivd_frames::{ClipPart, HalfSpace, Tool};
 
 use super::common::{BALL, Here, scene};
 use super::keyboard::{tab_to, typed};
@@ -215,4 +215,43 @@ fn a_class_is_made_stiffer_once_the_lattice_follows_by_springs() {
     assert!(told.unsaved && told.undo.as_deref() == Some("change a material"));
     here.press("Undo");
     here.told("as before", |told| told.matter[0].stiffness == Some(told.stiffness));
+}
+
+#[test]
+fn slices_say_that_they_are_clipped_and_lists_say_what_their_numbers_are() {
+    let mut here = Here::ball();
+    here.press("Handle where the slices meet");
+    here.told("a handle", |told| told.handles.len() == 1);
+    here.harness.run_ok();
+    for told in ["place (mm)", "moved by, and reach (mm):"] {
+        assert!(here.has(told), "{told}");
+    }
+    let is_patient = here.figures().letters.is_some();
+    assert_eq!(here.harness.query_by_label("x (R)").is_some(), is_patient);
+    let described = |here: &Here, pane: &str| {
+        let node = here.harness.get_by_label(pane);
+        node.accesskit_node().description().unwrap_or_default()
+    };
+    here.press("Clip here");
+    here.harness.run_ok();
+    here.press("Plane along the axial slice");
+    let told = here.told("a plane", |told| told.clips.len() == 1);
+    here.harness.step();
+    for (slice, pane) in told.slices.iter().zip(["Axial slice", "Coronal slice", "Sagittal slice"]) {
+        assert_eq!(described(&here, pane).contains("clipped"), slice.clipped, "{pane}");
+    }
+    assert!(told.slices[1].clipped && told.slices[2].clipped);
+}
+
+#[test]
+fn the_tool_says_how_it_is_used() {
+    let mut here = Here::ball();
+    for (key, tool) in
+        [(Key::H, Tool::Handle), (Key::P, Tool::Pin), (Key::I, Tool::Incise), (Key::T, Tool::Turn)]
+    {
+        here.harness.key_press(key);
+        here.harness.step();
+        here.harness.step();
+        assert!(here.has(tool.hint()), "{tool:?}");
+    }
 }
