@@ -24,7 +24,7 @@ impl Window {
                 let again = otherwise(&entries, [&work.source, &source]);
                 let before = Before { again: source.clone(), source: work.source.clone(), entries };
                 self.begin_again(&source, again, context);
-                self.before = Some(before);
+                self.before = self.work.is_some().then_some(before);
             }
         }
     }

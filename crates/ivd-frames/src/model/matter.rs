@@ -64,7 +64,9 @@ fn along(lattice: &Lattice, labels: &Labels) -> Vec<u16> {
     for triangle in lattice.triangles() {
         let [a, b, c] = triangle.map(|v| v as usize);
         let normal = (places[b] - places[a]).cross(&(places[c] - places[a]));
-        [a, b, c].into_iter().for_each(|v| outward[v] += normal);
+        for v in [a, b, c] {
+            outward[v] += normal;
+        }
     }
     let classes = outward.iter().enumerate().map(|(v, way)| vertex_class::inside(lattice, labels, v, *way));
     let classes: BTreeSet<u16> = classes.filter(|class| *class > 0).collect();

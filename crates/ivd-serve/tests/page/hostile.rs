@@ -84,7 +84,10 @@ impl Draw {
                 json!({ "do": "move_clip", "clip": self.below(3), "part": { "plane": plane } })
             }
             24 => json!({ "do": "material", "class": self.below(65_536), "stiffness": self.number() }),
-            25 => json!({ "do": "solver", "solver": ["ring", "springs", "body"][self.below(3)] }),
+            25 => {
+                let solver = ["ring", "springs", "body"][self.below(3)];
+                json!({ "do": "solver", "solver": solver })
+            }
             _ => json!({ "do": "slice", "pane": pane, "steps": i32::MIN }),
         }
     }
