@@ -19,6 +19,7 @@ mod opening;
 mod overlay;
 mod panes;
 mod planes;
+mod preview;
 mod queue;
 mod request;
 mod save;
@@ -36,8 +37,9 @@ pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Matter, Miss
 pub use log::Log;
 pub use made::Made;
 pub use model::Model;
-pub use opening::{Begun, Line, Scan, Tell};
+pub use opening::{Begun, Line, Tell};
 pub use overlay::Overlay;
+pub use preview::{Scan, VolumeAtRest};
 pub use request::{Axis, MapName, Pane, Request, Saved, SolverName};
 pub use save::File;
 pub use service::{Client, Frame, Output, Picture, Service};

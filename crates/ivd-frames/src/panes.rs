@@ -5,7 +5,7 @@ use ivd_render::{Clip, Fit, Lens, Prepared, RenderParams, Scene, View};
 use nalgebra::Vector3;
 
 use crate::planes::Planes;
-use crate::{Error, Pane};
+use crate::{Error, Pane, Request};
 
 /// Step of a coarse picture's rays, in those of a whole one's.
 const COARSE_STEP: f64 = 2.0;
@@ -182,15 +182,34 @@ impl Panes {
         }
     }
 
+    /// What the volume's pane is wide, where the camera looks (mm).
+    pub(crate) fn width_mm(&self, lens: &Lens) -> f64 {
+        self.size[0] as f64 * lens.pixel_at(lens.middle())
+    }
+
+    /// Follows what moves the camera; whether a request is of that kind.
+    pub(crate) fn turn(&mut self, grid: &Grid, lens: &Lens, request: &Request) -> bool {
+        match request {
+            Request::Resize { size } => self.size = *size,
+            Request::Orbit { by } => self.orbit(*by),
+            Request::Pan { by } => self.pan(grid, lens, *by),
+            Request::Zoom { factor, at } => self.zoom(grid, lens, *factor, *at),
+            Request::Look { side } => self.look_from(*side),
+            Request::ResetView => self.view = self.whole,
+            _ => return false,
+        }
+        true
+    }
+
     /// Turns the camera by a drag across so much of the pane: half of it is a quarter turn.
-    pub(crate) fn orbit(&mut self, [right, down]: [f64; 2]) {
+    fn orbit(&mut self, [right, down]: [f64; 2]) {
         let [azimuth, elevation] = self.view.angles;
         let azimuth = (azimuth - 180.0 * right).rem_euclid(360.0);
         self.view.angles = [azimuth, (elevation + 180.0 * down).clamp(-90.0, 90.0)];
     }
 
     /// Moves what lies in the middle, so that what is seen follows a drag.
-    pub(crate) fn pan(&mut self, grid: &Grid, lens: &Lens, [right, down]: [f64; 2]) {
+    fn pan(&mut self, grid: &Grid, lens: &Lens, [right, down]: [f64; 2]) {
         let middle = lens.middle();
         let across = self.across(Pane::Volume, grid, lens, middle);
         let moved = Vector3::from(middle) - across.right * right - across.down * down;
@@ -200,7 +219,7 @@ impl Panes {
     }
 
     /// Magnifies; the place at a share of the pane stays where it is.
-    pub(crate) fn zoom(&mut self, grid: &Grid, lens: &Lens, factor: f64, at: [f64; 2]) {
+    fn zoom(&mut self, grid: &Grid, lens: &Lens, factor: f64, at: [f64; 2]) {
         let zoom = (self.view.zoom * factor).clamp(0.1, 200.0);
         let factor = zoom / self.view.zoom;
         let share = 1.0 - 1.0 / factor;
@@ -209,11 +228,7 @@ impl Panes {
     }
 
     /// Looks from a side, at the same place.
-    pub(crate) fn look_from(&mut self, side: ivd_render::Side) {
+    fn look_from(&mut self, side: ivd_render::Side) {
         (self.view.angles, self.view.roll) = (side.angles(), 0.0);
-    }
-
-    pub(crate) fn reset_view(&mut self) {
-        self.view = self.whole;
     }
 }

@@ -11,7 +11,8 @@ use std::time::{Duration, Instant};
 use ivd_core::{Cancel, Classified as _, ErrorClass, Exec, Image};
 
 use crate::log::Lines;
-use crate::opening::{Begun, Scan, Slices, Tell, Told};
+use crate::opening::{Begun, Tell, Told};
+use crate::preview::{Preview, Scan};
 use crate::queue::{Next, Queue};
 use crate::save::File;
 use crate::{Error, Figures, Model, Pane, Request, Saved};
@@ -251,7 +252,7 @@ impl<P: FnMut(Output)> Worker<P> {
         open: impl FnOnce(&Tell) -> Result<B, Error> + Send,
     ) -> Result<Option<(Begun, Later)>, Error> {
         let tell = Tell::through(self.queue.clone());
-        let (mut slices, mut later) = (None::<Slices>, Vec::new());
+        let (mut preview, mut later) = (None::<Preview>, Vec::new());
         let opened = std::thread::scope(|scope| {
             let done = tell.done();
             let opening = || {
@@ -261,51 +262,90 @@ impl<P: FnMut(Output)> Worker<P> {
             let opener = std::thread::Builder::new().name("opening".to_owned()).spawn_scoped(scope, opening);
             let opener =
                 opener.map_err(|e| Error::Io { what: "the thread that opens", problem: e.to_string() })?;
-            let ended = self.meanwhile(&tell, &mut slices, &mut later)?;
+            let ended = self.meanwhile(&tell, &mut preview, &mut later)?;
             let begun: Result<Begun, Error> = opener.join().unwrap_or_else(|fault| resume_unwind(fault));
             Ok::<_, Error>(if ended { None } else { Some(begun?) })
         })?;
         let Some(mut begun) = opened else { return Ok(None) };
-        if let Some(slices) = slices {
-            begun.model.show_slices(slices.planes.cross, slices.window);
+        if let Some(preview) = preview {
+            preview.hand_over(&mut begun.model)?;
         }
         Ok(Some((begun, later)))
     }
 
-    /// Shows the slices of the scan until it is opened; whether the end came first. What they can't follow waits.
+    /// Shows slices, and the volume at rest, until it is opened; whether the end came first. What they can't follow waits.
     fn meanwhile(
         &mut self,
         tell: &Tell,
-        slices: &mut Option<Slices>,
+        preview: &mut Option<Preview>,
         later: &mut Later,
     ) -> Result<bool, Error> {
         let mut shown: Option<Arc<Scan>> = None;
         loop {
-            match self.queue.next(None) {
+            let finer = preview.as_ref().is_some_and(|preview| preview.could_be_finer(shown.as_deref()));
+            let mut fine = false;
+            match self.queue.next(finer.then_some(SETTLED)) {
                 Next::End => return Ok(true),
-                Next::Woken | Next::Nothing => {}
-                Next::Request(client, request) => match slices {
-                    Some(slices) if Slices::can_follow(&request) => {
-                        if let Err(error) = slices.follow(&request) {
-                            (self.publish)(Output::Problem(client, error.to_string()));
-                        }
-                    }
-                    _ => wait(later, client, request),
-                },
+                Next::Woken => {}
+                Next::Nothing => fine = true,
+                Next::Request(client, request) => self.follow_or_wait(client, request, preview, later),
             }
+            let mut sees_more = false;
             while let Some(told) = tell.next() {
                 match told {
                     Told::Done => return Ok(false),
                     Told::Stage(name) => (self.publish)(Output::Stage(name)),
                     Told::Note(text) => (self.publish)(Output::Note(text)),
-                    Told::Scan(volume) => *slices = Some(Slices::new(*volume)),
+                    Told::Scan(volume) => {
+                        *preview = Some(Preview::new(*volume, &self.exec));
+                        sees_more = true;
+                    }
+                    Told::AtRest(seen) => {
+                        if let Some(Err(error)) = preview.as_mut().map(|preview| preview.show_volume(*seen)) {
+                            self.told(error)?;
+                        }
+                        sees_more = true;
+                    }
                 }
             }
-            if let Some(slices) = slices {
-                let scan = Arc::new(slices.scan(shown.as_deref())?);
-                shown = Some(scan.clone());
-                (self.publish)(Output::Scan(scan));
+            if sees_more {
+                for (client, request) in std::mem::take(later) {
+                    self.follow_or_wait(client, request, preview, later);
+                }
             }
+            let Some(preview) = preview else { continue };
+            match preview.scan(shown.as_deref(), fine) {
+                Ok(scan) => {
+                    let scan = Arc::new(scan);
+                    shown = Some(scan.clone());
+                    (self.publish)(Output::Scan(scan));
+                }
+                Err(error) => {
+                    self.told(error)?;
+                    preview.hide_volume();
+                }
+            }
+        }
+    }
+
+    /// Follows a request before there is a model, or lets it wait.
+    fn follow_or_wait(
+        &mut self,
+        client: Client,
+        request: Request,
+        preview: &mut Option<Preview>,
+        later: &mut Later,
+    ) {
+        let waits = later.iter().any(|(_, other)| request.is_behind(other));
+        match preview {
+            Some(preview) if !waits && preview.can_follow(&request) => {
+                if let Err(error) = preview.follow(&request) {
+                    (self.publish)(Output::Problem(client, error.to_string()));
+                }
+            }
+            // Where a pointer once was is nothing to come back to.
+            _ if matches!(request, Request::Hover { .. }) => {}
+            _ => wait(later, client, request),
         }
     }
 

@@ -21,6 +21,8 @@ use ivd_render::{
 use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
 
+use crate::model::first_transfer;
+use crate::preview::AtRest;
 use crate::{Error, Made, Tell};
 
 /// Vertices above which a bare scan is deformed at a coarser level.
@@ -161,7 +163,7 @@ impl Subject {
         if asks("ao") || asks("shadow") {
             said.push("drawn without ambient occlusion and shadows, which the scene keeps".to_owned());
         }
-        Ok(Self {
+        let subject = Self {
             made: Made::of(&scene, &settings, part.as_ref()),
             scene,
             volume,
@@ -174,7 +176,17 @@ impl Subject {
             settings,
             said,
             is_chosen: is_bare,
-        })
+        };
+        // Both that are drawn have it then.
+        subject.volume.find_bricks(exec)?;
+        let transfer = first_transfer(&subject)?;
+        tell.stage(refine.name);
+        tell.at_rest(|| AtRest {
+            volume: subject.volume.clone(),
+            transfer,
+            picture: subject.picture.clone(),
+        });
+        Ok(subject)
     }
 
     /// What was said of it, each with who said it.

@@ -169,11 +169,7 @@ impl Over<'_> {
     }
 
     fn letters(&self) {
-        let letters = match self.pane.number().checked_sub(1) {
-            None => self.shown.figures().and_then(|figures| figures.letters),
-            Some(slice) => self.shown.slices().and_then(|slices| slices[slice].letters),
-        };
-        let Some([left, right, top, bottom]) = letters else { return };
+        let Some([left, right, top, bottom]) = self.shown.letters(self.pane) else { return };
         let (rect, middle) = (self.rect, self.rect.center());
         for (at, align, letter) in [
             (pos2(rect.left() + 6.0, middle.y), Align2::LEFT_CENTER, left),

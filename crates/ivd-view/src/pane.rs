@@ -75,6 +75,9 @@ impl Window {
             self.arrows(ui, &response, pane);
         }
         self.pointer(ui, &response, pane, room);
+        if pane == Pane::Volume && self.shown.figures().is_none() {
+            self.opening(ui, rect);
+        }
         if response.double_clicked() && self.tool == Tool::Turn {
             self.layout.alone = if self.layout.alone.is_some() { None } else { Some(pane) };
         }
@@ -82,13 +85,12 @@ impl Window {
 
     /// Says in words what a pane shows.
     fn describe(&self, ui: &Ui, response: &Response, pane: Pane) {
-        let text = match (pane.number().checked_sub(1), self.shown.slices(), self.shown.figures()) {
+        let text = match (pane.number().checked_sub(1), self.shown.slices(), self.shown.angles()) {
             (Some(slice), Some(slices), _) => {
                 let clipped = if slices[slice].clipped { ", clipped by planes or boxes" } else { "" };
                 format!("slice {} of {}{clipped}", slices[slice].slice + 1, slices[slice].slices)
             }
-            (None, _, Some(figures)) => {
-                let [azimuth, elevation] = figures.angles;
+            (None, _, Some([azimuth, elevation])) => {
                 format!("seen from {azimuth:.0} degrees around and {elevation:.0} degrees up")
             }
             _ => "no picture yet".to_owned(),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
-use ivd_frames::{Figures, Frame, Hovered, Pane, Picture, Scan, Slice};
+use ivd_frames::{Figures, Frame, Hovered, Pane, Picture, Scan, Slice, VolumeAtRest};
 
 /// The newest pictures and figures.
 #[derive(Default)]
@@ -21,9 +21,10 @@ enum Told {
 }
 
 impl Shown {
-    /// Shows the slices of a scan.
+    /// Shows a scan that is opened.
     pub(crate) fn scan(&mut self, scan: Arc<Scan>, context: &Context) {
-        scan.pictures.iter().for_each(|picture| self.picture(picture, context));
+        let volume = scan.volume.iter().map(|volume| &volume.picture);
+        scan.pictures.iter().chain(volume).for_each(|picture| self.picture(picture, context));
         self.told = Told::Scan(scan);
     }
 
@@ -31,7 +32,7 @@ impl Shown {
     pub(crate) fn frame(&mut self, frame: Arc<Frame>, context: &Context) {
         if matches!(self.told, Told::Scan(_)) {
             // Their versions are others'.
-            self.textures[1..].iter_mut().for_each(|texture| *texture = None);
+            self.textures.iter_mut().for_each(|texture| *texture = None);
         }
         frame.pictures.iter().for_each(|picture| self.picture(picture, context));
         self.told = Told::Frame(frame);
@@ -69,6 +70,31 @@ impl Shown {
         match &self.told {
             Told::Frame(frame) => Some(&frame.figures),
             Told::Scan(_) | Told::Nothing => None,
+        }
+    }
+
+    /// The volume as it is shown before there are frames.
+    pub(crate) fn at_rest(&self) -> Option<&VolumeAtRest> {
+        match &self.told {
+            Told::Scan(scan) => scan.volume.as_ref(),
+            Told::Frame(_) | Told::Nothing => None,
+        }
+    }
+
+    /// Azimuth and elevation of the volume's picture (degrees).
+    pub(crate) fn angles(&self) -> Option<[f64; 2]> {
+        let figures = self.figures().map(|figures| figures.angles);
+        figures.or_else(|| self.at_rest().map(|volume| volume.angles))
+    }
+
+    /// What lies to the left, right, top and bottom of a pane.
+    pub(crate) fn letters(&self, pane: Pane) -> Option<[&'static str; 4]> {
+        match pane.number().checked_sub(1) {
+            None => match self.figures() {
+                Some(figures) => figures.letters,
+                None => self.at_rest()?.letters,
+            },
+            Some(slice) => self.slices()?[slice].letters,
         }
     }
 
@@ -111,7 +137,11 @@ impl Shown {
     /// Width over height of a pane's picture.
     pub(crate) fn ratio(&self, pane: Pane) -> Option<f32> {
         match pane.number().checked_sub(1) {
-            None => self.figures().map(|figures| figures.size[0] as f32 / figures.size[1] as f32),
+            None => {
+                let size = self.figures().map(|figures| figures.size);
+                let [width, height] = size.or_else(|| self.at_rest().map(|volume| volume.size))?;
+                Some(width as f32 / height as f32)
+            }
             Some(number) => {
                 let [width, height] = self.slices()?[number].extent_mm;
                 Some((width / height) as f32)
@@ -122,7 +152,10 @@ impl Shown {
     /// Width of a pane's picture (mm).
     pub(crate) fn width_mm(&self, pane: Pane) -> Option<f64> {
         match pane.number().checked_sub(1) {
-            None => self.figures().map(|figures| figures.width_mm),
+            None => {
+                let width = self.figures().map(|figures| figures.width_mm);
+                width.or_else(|| self.at_rest().map(|volume| volume.width_mm))
+            }
             Some(number) => Some(self.slices()?[number].extent_mm[0]),
         }
     }

@@ -54,7 +54,12 @@ impl Window {
             let inbox = work.shared.locked();
             (inbox.stage, inbox.done)
         };
-        let room = Rect::from_center_size(rect.center(), vec2(rect.width().min(260.0), 90.0));
+        let size = vec2(rect.width().min(260.0), 90.0);
+        // Not over what is seen already.
+        let room = match self.shown.at_rest() {
+            Some(_) => Rect::from_min_size(rect.left_bottom() - vec2(-6.0, size.y), size),
+            None => Rect::from_center_size(rect.center(), size),
+        };
         let mut stop = false;
         ui.scope_builder(UiBuilder::new().max_rect(room), |ui| {
             ui.vertical_centered(|ui| {

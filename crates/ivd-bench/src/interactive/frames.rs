@@ -1,7 +1,7 @@
 //! The same through the frame service: how long a picture takes to follow.
 
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
@@ -41,8 +41,8 @@ pub struct FrameBench {
     pub load: Option<f64>,
     /// Pixels of the volume's pane.
     pub pane: [usize; 2],
-    /// From the start to what was opened, and to the first picture (s).
-    pub opened_s: [f64; 2],
+    /// From the start to the scan's slices, to the volume's picture, and to the first that follows hands (s).
+    pub opened_s: [f64; 3],
     /// From asking for a handle to the picture with it (ms).
     pub placed_ms: f64,
     /// From every event to the picture that shows it (ms).
@@ -71,15 +71,36 @@ pub(super) fn followed(source: &Source, count: usize, exec: &Exec) -> Result<Fra
     let load = load();
     let start = Instant::now();
     let opened = source.read()?;
-    let subject = Subject::open(&opened.loaded, opened.is_bare, &Cache::disabled(), exec, &Tell::default())?;
-    let opened = start.elapsed().as_secs_f64();
-    let grid = subject.volume.grid().clone();
-    let radius = RADIUS * grid.spacing().iter().product::<f64>().cbrt();
     let (sender, outputs) = channel();
-    let model = Model::new(subject, PANE, exec.clone())?;
-    let service = Service::start(move |_| Ok(model), exec.clone(), move |output| _ = sender.send(output))?;
-    let first = next(&outputs, |_| true)?;
-    let opened_s = [opened, start.elapsed().as_secs_f64()];
+    let (its, told) = (exec.clone(), Arc::new(OnceLock::new()));
+    let tells = told.clone();
+    let open = move |tell: &Tell| {
+        let cache = Cache::disabled();
+        let subject = Subject::open(&opened.loaded, opened.is_bare, &cache, &its, tell)?;
+        let _ = tells.set(subject.volume.grid().clone());
+        Model::new(subject, PANE, its)
+    };
+    let service = Service::start(open, exec.clone(), move |output| _ = sender.send(output))?;
+    let mut opened_s = [0.0; 3];
+    let first = loop {
+        match outputs.recv_timeout(NEVER)? {
+            Output::Scan(scan) => {
+                for (seen, at) in [true, scan.volume.is_some()].into_iter().zip(&mut opened_s) {
+                    if seen && *at <= 0.0 {
+                        *at = start.elapsed().as_secs_f64();
+                    }
+                }
+            }
+            Output::Frame(frame) => break frame,
+            Output::Failed(error) => return Err(error.to_string().into()),
+            _ => {}
+        }
+    };
+    let all = start.elapsed().as_secs_f64();
+    // What was opened too soon to be shown before.
+    opened_s.iter_mut().filter(|at| **at <= 0.0).for_each(|at| *at = all);
+    let grid = told.get().cloned().ok_or("nothing was opened")?;
+    let radius = RADIUS * grid.spacing().iter().product::<f64>().cbrt();
     for one in &first.figures.handles {
         service.ask(1, Request::Remove { handle: one.id });
     }

@@ -67,7 +67,6 @@ pub fn interactive_page(bench: &InteractiveBench) -> String {
 
 /// What the frame service took, as a table.
 fn pictures(frames: &FrameBench) -> String {
-    let [opened, first] = frames.opened_s;
     let [solve, map, values, pictures] = frames.parts_ms;
     let [middle, most, longest] = frames.picture_ms;
     let row = |what: &str, figures: &[f64]| {
@@ -84,7 +83,7 @@ fn pictures(frames: &FrameBench) -> String {
         row("lattice, map, values, pictures (ms)", &[solve, map, values, pictures]),
         row("placing the handle (ms)", &[frames.placed_ms]),
         row("whole picture after the last event (ms)", &[frames.whole_ms]),
-        row("opened, first picture after the start (s)", &[opened, first]),
+        row("slices, volume, volume that follows hands, after the start (s)", &frames.opened_s),
         row("pictures with sides divided by 1, 2, 3, 4", &frames.divided.map(|n| n as f64)),
         row("events refused", &[frames.refused as f64]),
     ];

@@ -191,12 +191,14 @@ impl Request<'_> {
         let frames = &bench.frames;
         let _ = writeln!(
             text,
-            "  to the picture: {:.0} ms, 99 % {:.0}; placing {:.0}, whole {:.0} ms after the last; first picture after {:.1} s; sides divided by 1, 2, 3, 4 in {:?}",
+            "  to the picture: {:.0} ms, 99 % {:.0}; placing {:.0}, whole {:.0} ms after the last; slices after {:.1} s, the volume after {:.1}, to be moved after {:.1}; sides divided by 1, 2, 3, 4 in {:?}",
             frames.picture_ms[0],
             frames.picture_ms[1],
             frames.placed_ms,
             frames.whole_ms,
+            frames.opened_s[0],
             frames.opened_s[1],
+            frames.opened_s[2],
             frames.divided
         );
         let _ = writeln!(text, "{}", page.display());

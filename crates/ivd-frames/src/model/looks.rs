@@ -9,7 +9,7 @@ use serde_json::json;
 use super::Model;
 use crate::colours::Turned;
 use crate::figures::Class;
-use crate::{Error, Pane};
+use crate::{Error, Pane, Subject};
 
 /// What is wanted of a class; `None`: as the transfer function has it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -23,7 +23,7 @@ pub(super) struct Look {
 pub(super) type Looks = BTreeMap<u16, Look>;
 
 /// As a scene has them.
-pub(super) fn of_scene(looks: &ClassLooks) -> Looks {
+fn of_scene(looks: &ClassLooks) -> Looks {
     let mut all = Looks::new();
     for (class, Opacity(opacity)) in &looks.opacity {
         all.entry(*class).or_default().opacity = Some(*opacity);
@@ -35,6 +35,17 @@ pub(super) fn of_scene(looks: &ClassLooks) -> Looks {
         all.entry(*class).or_default().hidden = true;
     }
     all
+}
+
+/// As a subject begins with them.
+pub(super) fn of_subject(subject: &Subject) -> Looks {
+    subject.looks.as_ref().map(of_scene).unwrap_or_default()
+}
+
+/// The transfer function that a subject is first drawn with.
+pub(crate) fn first_transfer(subject: &Subject) -> Result<Option<TransferFunction>, Error> {
+    let transfer = subject.transfer.as_ref();
+    transfer.map(|transfer| coloured(transfer, &of_subject(subject), Turned::NONE)).transpose()
 }
 
 /// The same for a scene: what is hidden needs no opacity there.
@@ -98,7 +109,7 @@ impl Model {
     }
 
     pub(super) fn first_looks(&self) -> Looks {
-        self.subject.looks.as_ref().map(of_scene).unwrap_or_default()
+        of_subject(&self.subject)
     }
 
     fn recolour(&mut self, looks: Looks, turned: Turned) -> Result<(), Error> {

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, Image, TransferFunction};
 use ivd_map::{BiharmonicParams, OctreeParams};
 use ivd_motion::handles::{Action, Anchor, Handle, Pick, Pin, find_picks};
-use ivd_render::Lens;
+use ivd_render::{Lens, View};
 use ivd_session::{Event, Id, MapChoice, Session, Settings, Update};
 use nalgebra::Vector3;
 
@@ -23,6 +23,8 @@ use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
 use crate::{Error, MapName, Overlay, Pane, Request, Subject};
+
+pub(crate) use looks::first_transfer;
 
 /// A solve that takes longer is refused: a window that doesn't answer is worse.
 const MOST_WORK: Duration = Duration::from_secs(15);
@@ -80,10 +82,8 @@ impl Model {
     /// Those of [`Session::new`], and of pictures.
     pub fn new(subject: Subject, size: [usize; 2], exec: Exec) -> Result<Self, Error> {
         let volume = &subject.volume;
-        let looks = subject.looks.as_ref().map(looks::of_scene).unwrap_or_default();
-        let transfer = subject.transfer.as_ref();
-        let transfer =
-            transfer.map(|transfer| looks::coloured(transfer, &looks, Turned::NONE)).transpose()?;
+        let looks = looks::of_subject(&subject);
+        let transfer = looks::first_transfer(&subject)?;
         volume.find_bricks(&exec)?;
         let panes = Panes::new(volume, transfer.as_ref(), &subject.picture, size, &exec)?;
         let lens = panes.lens(volume.grid())?;
@@ -153,10 +153,18 @@ impl Model {
         (self.session.settings(), &self.looks) != (&self.kept.0, &self.kept.1)
     }
 
-    /// Shows the slices that were shown before there was a model.
-    pub(crate) fn show_slices(&mut self, cross: [f64; 3], window: Window) {
+    /// Shows what was shown before there was a model: the slices, and what the volume's pane looked like, if there was a picture in it.
+    pub(crate) fn show_as(
+        &mut self,
+        cross: [f64; 3],
+        window: Window,
+        camera: Option<(View, [usize; 2])>,
+    ) -> Result<(), Error> {
         (self.panes.planes.cross, self.window) = (cross, window);
         self.touch(&Pane::ALL[1..]);
+        let Some((view, size)) = camera else { return Ok(()) };
+        (self.panes.view, self.panes.size) = (view, size);
+        self.moved_camera()
     }
 
     /// Rise with every change of what a pane shows.
@@ -172,28 +180,13 @@ impl Model {
         request.check()?;
         let grid = self.session.rest().grid().clone();
         match request {
-            Request::Resize { size } => {
-                self.panes.size = *size;
-                self.moved_camera()
-            }
-            Request::Orbit { by } => {
-                self.panes.orbit(*by);
-                self.moved_camera()
-            }
-            Request::Pan { by } => {
-                self.panes.pan(&grid, &self.lens, *by);
-                self.moved_camera()
-            }
-            Request::Zoom { factor, at } => {
-                self.panes.zoom(&grid, &self.lens, *factor, *at);
-                self.moved_camera()
-            }
-            Request::Look { side } => {
-                self.panes.look_from(*side);
-                self.moved_camera()
-            }
-            Request::ResetView => {
-                self.panes.reset_view();
+            Request::Resize { .. }
+            | Request::Orbit { .. }
+            | Request::Pan { .. }
+            | Request::Zoom { .. }
+            | Request::Look { .. }
+            | Request::ResetView => {
+                self.panes.turn(&grid, &self.lens, request);
                 self.moved_camera()
             }
             Request::Window { by } => {

@@ -31,7 +31,7 @@ impl Figures {
             size: panes.size,
             angles: panes.view.angles,
             zoom: panes.view.zoom,
-            width_mm: panes.size[0] as f64 * model.lens.pixel_at(model.lens.middle()),
+            width_mm: panes.width_mm(&model.lens),
             letters: lettered.then(|| letters(&model.lens)),
             handles: model.spots.clone(),
             pins: model.pins.clone(),

@@ -4,13 +4,14 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
+use ivd_artefact::Cache;
 use ivd_core::Exec;
 use ivd_frames::{
     Begun, Error, Figures, Frame, MapName, Model, Output, Pane, Request, Saved, Service, Source, Subject,
     Tell,
 };
 
-use super::common::{BALL, Draw, model};
+use super::common::{BALL, Draw, loaded, model};
 use super::scripts::assert_as_piped;
 
 const LONG: Duration = Duration::from_mins(1);
@@ -132,6 +133,60 @@ fn slices_are_shown_and_moved_before_there_is_a_model() {
 }
 
 #[test]
+fn the_volume_is_shown_and_turned_before_it_can_be_moved() {
+    let (sender, outputs) = channel();
+    let (go, wait) = channel::<()>();
+    let open = move |tell: &Tell| {
+        let exec = Exec::default();
+        let subject = Subject::open(&loaded(BALL), false, &Cache::disabled(), &exec, tell)?;
+        wait.recv_timeout(LONG).unwrap();
+        Model::new(subject, [512, 512], exec)
+    };
+    let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    // What comes too early waits for the picture.
+    service.ask(1, Request::Resize { size: [128, 96] });
+    let seen = |holds: &dyn Fn(&ivd_frames::VolumeAtRest) -> bool| loop {
+        match outputs.recv_timeout(LONG).unwrap() {
+            Output::Scan(scan) => {
+                if let Some(volume) = scan.volume.as_ref().filter(|volume| holds(volume)) {
+                    return volume.clone();
+                }
+            }
+            Output::Frame(_) => panic!("it isn't opened yet"),
+            _ => {}
+        }
+    };
+    let whole = |volume: &ivd_frames::VolumeAtRest| volume.picture.coarser == 1;
+    let first = seen(&|volume| whole(volume) && volume.size == [128, 96]);
+    assert_eq!((first.picture.image.width(), first.angles), (128, [0.0, 0.0]));
+    let mut alone = model(BALL);
+    alone.follow(&Request::Resize { size: [128, 96] }).unwrap();
+    assert_eq!(first.picture.image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
+    service.ask(1, Request::Orbit { by: [0.1, 0.0] });
+    let turned = seen(&|volume| whole(volume) && volume.angles == [342.0, 0.0]);
+    assert!(turned.picture.image != first.picture.image);
+    // A hand waits, and what follows it stays behind it: it took hold of what it saw.
+    for request in [
+        Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] },
+        Request::Drag { to: [0.7, 0.5], lock: None },
+        Request::Drop,
+        Request::Orbit { by: [0.25, 0.0] },
+    ] {
+        assert!(service.ask(1, request));
+    }
+    go.send(()).unwrap();
+    let shown = frame(&outputs, |frame| !frame.figures.handles.is_empty());
+    let [azimuth, _] = shown.figures.angles;
+    assert_eq!((azimuth, shown.figures.size), (297.0, [128, 96]));
+    let moved = shown.figures.handles[0].by.unwrap();
+    // Along the picture's right as it was seen at 342 degrees.
+    let right = [18.0_f64.to_radians().cos(), -18.0_f64.to_radians().sin(), 0.0];
+    let along: f64 = (0..3).map(|a| moved[a] * right[a]).sum();
+    let length = moved.iter().map(|c| c * c).sum::<f64>().sqrt();
+    assert!(length > 1.0 && along.abs() > 0.999 * length, "{moved:?}");
+}
+
+#[test]
 fn a_log_is_opened_again_with_its_steps() {
     let folder = tempfile::tempdir().unwrap();
     let (service, outputs) = service();
@@ -148,7 +203,7 @@ fn a_log_is_opened_again_with_its_steps() {
     let opened = Source { file: Some(file), ..Source::default() }.read().unwrap();
     assert_eq!(opened.entries.len(), 1);
     let exec = Exec::default();
-    let cache = ivd_artefact::Cache::disabled();
+    let cache = Cache::disabled();
     let subject = Subject::open(&opened.loaded, opened.is_bare, &cache, &exec, &Tell::default()).unwrap();
     let begun = Begun { entries: opened.entries, ..Model::new(subject, [128, 128], exec).unwrap().into() };
     let (sender, outputs) = channel();
