@@ -37,6 +37,14 @@ pub struct Scan {
     pub window: [f64; 2],
 }
 
+impl Scan {
+    /// All that there are.
+    pub fn all_pictures(&self) -> impl Iterator<Item = &Picture> {
+        let volume = self.volume.iter().map(|volume| &volume.picture);
+        self.pictures.iter().chain(volume).map(Arc::as_ref)
+    }
+}
+
 /// What is shown of a volume that can't be moved yet.
 #[derive(Debug, Clone)]
 pub struct VolumeAtRest {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use ivd_frames::{Client, File, Frame, Output, Request, Service};
+use ivd_frames::{Client, File, Frame, Output, Request, Scan, Service};
 use serde_json::{Value as Json, json};
 use tokio::sync::{Semaphore, mpsc, watch};
 
@@ -29,6 +29,14 @@ pub(crate) enum Word {
     File(Arc<File>),
 }
 
+/// What is shown.
+#[derive(Debug, Clone)]
+pub(crate) enum Shown {
+    /// A scan that is opened.
+    Scan(Arc<Scan>),
+    Frame(Arc<Frame>),
+}
+
 /// What somebody may do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Role {
@@ -41,7 +49,7 @@ pub(crate) struct Hub {
     driver: Token,
     watcher: Token,
     pub(crate) places: Arc<Semaphore>,
-    frames: watch::Sender<Option<Arc<Frame>>>,
+    shown: watch::Sender<Option<Shown>>,
     /// Who drives.
     driving: watch::Sender<Option<Client>>,
     pub(crate) failed: watch::Sender<Option<Arc<ivd_frames::Error>>>,
@@ -64,7 +72,7 @@ impl Hub {
             driver,
             watcher,
             places: Arc::new(Semaphore::new(CONNECTIONS)),
-            frames: watch::Sender::new(None),
+            shown: watch::Sender::new(None),
             driving: watch::Sender::new(None),
             failed: watch::Sender::new(None),
             wheel: Mutex::default(),
@@ -95,12 +103,14 @@ impl Hub {
         match output {
             Output::Note(text) => self.note(text),
             Output::Stage(name) => self.note(format!("{name} …")),
-            // The page begins with the first frame.
-            Output::Scan(_) => {}
+            // Pictures are packed here once, and not by each connection.
+            Output::Scan(scan) => {
+                scan.all_pictures().for_each(|picture| _ = picture.png());
+                _ = self.shown.send_replace(Some(Shown::Scan(scan)));
+            }
             Output::Frame(frame) => {
-                // Made here once, and not by each connection.
                 frame.pictures.iter().for_each(|picture| _ = picture.png());
-                _ = self.frames.send_replace(Some(frame));
+                _ = self.shown.send_replace(Some(Shown::Frame(frame)));
             }
             Output::File(client, file) => self.say(client, Word::File(file)),
             Output::Problem(client, text) => {
@@ -162,10 +172,10 @@ impl Hub {
         self.let_go(client);
     }
 
-    pub(crate) fn frames(&self) -> watch::Receiver<Option<Arc<Frame>>> {
-        let mut frames = self.frames.subscribe();
-        frames.mark_changed();
-        frames
+    pub(crate) fn shown(&self) -> watch::Receiver<Option<Shown>> {
+        let mut shown = self.shown.subscribe();
+        shown.mark_changed();
+        shown
     }
 
     pub(crate) fn driving(&self) -> watch::Receiver<Option<Client>> {

@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::ws::{Message, WebSocket};
-use ivd_frames::{Client, Frame, Pane, Request};
+use ivd_frames::{Client, Picture, Request};
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
-use crate::hub::{Hub, Role, Word, problem};
+use crate::hub::{Hub, Role, Shown, Word, problem};
 
 /// Most bytes of a message.
 pub(crate) const MOST_BYTES: usize = 64 << 10;
@@ -42,7 +42,12 @@ enum About {
 struct Gone;
 
 /// What a connection has of each pane: version, and by how much it is coarser.
-type Has = [Option<(u64, usize)>; 4];
+#[derive(Default)]
+struct Has {
+    pictures: [Option<(u64, usize)>; 4],
+    /// Whether these are a frame's: a scan's have versions of their own.
+    of_frame: bool,
+}
 
 /// Serves a connection until it ends.
 pub(crate) async fn connected(mut socket: WebSocket, hub: Arc<Hub>, place: OwnedSemaphorePermit) {
@@ -71,7 +76,7 @@ async fn serve(
     role: Role,
     mut words: tokio::sync::mpsc::Receiver<Word>,
 ) -> Result<(), Gone> {
-    let (mut frames, mut driving) = (hub.frames(), hub.driving());
+    let (mut shown, mut driving) = (hub.shown(), hub.driving());
     let mut has = Has::default();
     send(socket, text(&json!({ "kind": "hello", "may_drive": role == Role::Driver }))).await?;
     loop {
@@ -97,10 +102,10 @@ async fn serve(
                 let word = json!({ "kind": "wheel", "drives": driver == Some(client), "free": driver.is_none() });
                 send(socket, text(&word)).await?;
             },
-            Ok(()) = frames.changed() => {
-                let frame = frames.borrow_and_update().clone();
-                if let Some(frame) = frame {
-                    send(socket, of_frame(&frame, &mut has)).await?;
+            Ok(()) = shown.changed() => {
+                let shown = shown.borrow_and_update().clone();
+                if let Some(shown) = shown {
+                    send(socket, of_shown(&shown, &mut has)).await?;
                 }
             },
         }
@@ -156,23 +161,48 @@ fn binary(head: &Json, parts: &[&[u8]]) -> Message {
     Message::Binary(Bytes::from(bytes))
 }
 
-/// A frame, with those of its pictures that a connection doesn't have.
-fn of_frame(frame: &Frame, has: &mut Has) -> Message {
-    let (mut told, mut parts) = (Vec::new(), Vec::new());
-    for pane in Pane::ALL {
-        let picture = &frame.pictures[pane.number()];
-        let now = Some((picture.version, picture.coarser));
-        if has[pane.number()] == now {
-            continue;
+/// A scan or a frame, with those of its pictures that a connection doesn't have.
+fn of_shown(shown: &Shown, has: &mut Has) -> Message {
+    match shown {
+        Shown::Scan(scan) => {
+            let (told, parts) = has.lacks(scan.all_pictures());
+            let volume = scan.volume.as_ref();
+            let figures = json!({
+                "size": volume.map(|volume| volume.size),
+                "width_mm": volume.map(|volume| volume.width_mm),
+                "letters": volume.and_then(|volume| volume.letters),
+                "slices": scan.slices, "cross_at": scan.cross_at, "hovered": scan.hovered,
+            });
+            binary(&json!({ "kind": "scan", "figures": figures, "pictures": told }), &parts)
         }
-        let Ok(png) = picture.png() else { continue };
-        has[pane.number()] = now;
-        let (width, height) = (picture.image.width(), picture.image.height());
-        told.push(json!({
-            "pane": pane, "version": picture.version, "coarser": picture.coarser, "width": width, "height": height, "bytes": png.len(),
-        }));
-        parts.push(png);
+        Shown::Frame(frame) => {
+            if !has.of_frame {
+                *has = Has { of_frame: true, ..Has::default() };
+            }
+            let (told, parts) = has.lacks(frame.pictures.iter().map(Arc::as_ref));
+            let head = json!({ "kind": "frame", "number": frame.number, "figures": frame.figures, "pictures": told });
+            binary(&head, &parts)
+        }
     }
-    let head = json!({ "kind": "frame", "number": frame.number, "figures": frame.figures, "pictures": told });
-    binary(&head, &parts)
+}
+
+impl Has {
+    /// What it has not, from now on it has: what is told of pictures, and their files.
+    fn lacks<'a>(&mut self, pictures: impl Iterator<Item = &'a Picture>) -> (Vec<Json>, Vec<&'a [u8]>) {
+        let (mut told, mut parts) = (Vec::new(), Vec::new());
+        for picture in pictures {
+            let (number, now) = (picture.pane.number(), Some((picture.version, picture.coarser)));
+            if self.pictures[number] == now {
+                continue;
+            }
+            let Ok(png) = picture.png() else { continue };
+            self.pictures[number] = now;
+            let (width, height) = (picture.image.width(), picture.image.height());
+            told.push(json!({
+                "pane": picture.pane, "version": picture.version, "coarser": picture.coarser, "width": width, "height": height, "bytes": png.len(),
+            }));
+            parts.push(png);
+        }
+        (told, parts)
+    }
 }

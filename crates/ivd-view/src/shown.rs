@@ -23,8 +23,7 @@ enum Told {
 impl Shown {
     /// Shows a scan that is opened.
     pub(crate) fn scan(&mut self, scan: Arc<Scan>, context: &Context) {
-        let volume = scan.volume.iter().map(|volume| &volume.picture);
-        scan.pictures.iter().chain(volume).for_each(|picture| self.picture(picture, context));
+        scan.all_pictures().for_each(|picture| self.picture(picture, context));
         self.told = Told::Scan(scan);
     }
 

@@ -2,7 +2,8 @@
 const $ = (id) => document.getElementById(id);
 const panes = ["volume", "axial", "coronal", "sagittal"];
 const pictures = {}; // of each pane: a bitmap
-let figures = null, drives = false, mayDrive = false, socket = null, lock = null, press = null, wanted = null, pointed = false;
+// What is shown: a scan while it is opened, then frames, which can be worked on.
+let shown = null, figures = null, drives = false, mayDrive = false, socket = null, lock = null, press = null, wanted = null, pointed = false, early = 0;
 
 const send = (request) => {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
@@ -60,14 +61,21 @@ async function received(data) {
     at += picture.bytes;
     return createImageBitmap(new Blob([bytes], { type: "image/png" })).then((bitmap) => ({ ...picture, bitmap }));
   });
+  // Scans come before the first frame.
+  const number = head.number ?? (early += 1e-6);
   for (const picture of await Promise.all(made)) {
     const before = pictures[picture.pane];
     // Bitmaps are made side by side: an older one may come last.
-    if (before && before.frame > head.number) { picture.bitmap.close(); continue; }
+    if (before && before.frame > number) { picture.bitmap.close(); continue; }
     before?.bitmap.close();
-    pictures[picture.pane] = { ...picture, frame: head.number };
+    pictures[picture.pane] = { ...picture, frame: number };
   }
-  if (!figures || head.number >= figures.number) figures = { ...head.figures, number: head.number };
+  if (head.kind === "scan") {
+    if (!figures) shown = { ...head.figures, handles: [], pins: [] };
+    draw();
+    return;
+  }
+  if (!figures || number >= figures.number) shown = figures = { ...head.figures, number };
   document.body.dataset.frame = figures.number;
   draw();
   tell();
@@ -194,11 +202,11 @@ function listParts() {
 // ---------------------------------------------------------------- pictures
 // Where the picture lies in a canvas: x, y, width, height, in pixels of the canvas.
 function room(name, canvas) {
-  if (name === "volume" || !figures) {
-    const [w, h] = figures?.size ?? [1, 1];
+  if (name === "volume" || !shown) {
+    const [w, h] = shown?.size ?? [1, 1];
     return fitted(canvas, w / h);
   }
-  const slice = figures.slices.find((one) => one.pane === name);
+  const slice = shown.slices.find((one) => one.pane === name);
   return fitted(canvas, slice.extent_mm[0] / slice.extent_mm[1]);
 }
 function fitted(canvas, ratio) {
@@ -218,13 +226,13 @@ function draw() {
     sized(canvas);
     context.fillStyle = "#000";
     context.fillRect(0, 0, canvas.width, canvas.height);
-    if (!picture || !figures) return;
+    if (!picture || !shown) return;
     const [x, y, w, h] = room(name, canvas);
     context.imageSmoothingEnabled = true;
     context.imageSmoothingQuality = "high";
     context.drawImage(picture.bitmap, x, y, w, h);
     const place = (at) => at && [x + at[0] * w, y + at[1] * h];
-    const mm = name === "volume" ? figures.width_mm : figures.slices[number - 1].extent_mm[0];
+    const mm = name === "volume" ? shown.width_mm : shown.slices[number - 1].extent_mm[0];
     over(context, name, number, place, w / mm, canvas);
   });
 }
@@ -233,7 +241,7 @@ function over(context, name, number, place, scale, canvas) {
   const unit = canvas.width / canvas.clientWidth || 1;
   context.lineWidth = unit;
   context.font = `${12 * unit}px system-ui, sans-serif`;
-  const cross = place(figures.cross_at[number]);
+  const cross = place(shown.cross_at[number]);
   if (cross && name !== "volume") {
     context.strokeStyle = "#5fd0a0aa";
     context.beginPath();
@@ -247,16 +255,16 @@ function over(context, name, number, place, scale, canvas) {
   };
   // What doesn't lie in a slice is faint there.
   const near = (spot) => { context.globalAlpha = number && Math.abs(spot.off[number - 1]) > 2 ? 0.3 : 1; };
-  for (const pin of figures.pins) {
+  for (const pin of shown.pins) {
     const at = place(pin.at[number]);
     near(pin);
     if (at) { ring(at, 5 * unit, "#6cb6ff", 2); ring(at, pin.radius * scale, "#6cb6ff55"); }
   }
-  for (const one of figures.handles) {
+  for (const one of shown.handles) {
     const at = place(one.at[number]);
     if (!at) continue;
     near(one);
-    const held = figures.held === one.id || (pointed && figures.hovered?.handle === one.id);
+    const held = shown.held === one.id || (pointed && shown.hovered?.handle === one.id);
     ring(at, 6 * unit, held ? "#ffd479" : "#ffb454", held ? 3 : 2);
     if (held) ring(at, one.radius * scale, "#ffb45488");
     context.fillStyle = "#ffb454";
@@ -264,16 +272,16 @@ function over(context, name, number, place, scale, canvas) {
   }
   context.globalAlpha = 1;
   // The vertex that a new handle would take, which may lie away from the pointer.
-  const hovered = pointed ? figures.hovered : null;
-  const vertex = hovered && hovered.handle == null && figures.held == null && tool() === "handle" ? place(hovered.vertex_at[number]) : null;
+  const hovered = pointed ? shown.hovered : null;
+  const vertex = hovered && hovered.handle == null && shown.held == null && tool() === "handle" ? place(hovered.vertex_at[number]) : null;
   if (vertex) {
     const at = hovered.pane === name ? place(hovered.at[number]) : null;
     if (at) { context.strokeStyle = "#ffffff55"; context.lineWidth = unit; context.beginPath(); context.moveTo(...at); context.lineTo(...vertex); context.stroke(); }
-    ring(vertex, 3 * unit, "#fff"); ring(vertex, figures.radius * scale, "#ffffff55");
+    ring(vertex, 3 * unit, "#fff"); ring(vertex, shown.radius * scale, "#ffffff55");
   }
   // The mouth of the cut while another may be drawn; the line that is drawn, with its length.
   const drawn = press?.does === "incise" && press.name === name ? [press.first, press.at] : null;
-  const mouth = drawn ?? (number && tool() === "incise" ? figures.incision?.at[number] : null);
+  const mouth = drawn ?? (number && tool() === "incise" ? shown.incision?.at[number] : null);
   if (mouth) {
     const [from, to] = mouth.map(place);
     context.strokeStyle = context.fillStyle = "#f5f5f5"; context.lineWidth = 2 * unit;
@@ -283,7 +291,7 @@ function over(context, name, number, place, scale, canvas) {
     if (drawn) context.fillText(`${few(Math.hypot(to[0] - from[0], to[1] - from[1]) / scale, 0)} mm`, to[0] + 10 * unit, to[1] - 8 * unit);
   }
   context.fillStyle = "#dde";
-  const letters = name === "volume" ? figures.letters : figures.slices[number - 1].letters;
+  const letters = name === "volume" ? shown.letters : shown.slices[number - 1].letters;
   if (letters) {
     const [left, right, top, bottom] = letters;
     context.textBaseline = "middle";
@@ -294,7 +302,7 @@ function over(context, name, number, place, scale, canvas) {
     context.textBaseline = "alphabetic";
   }
   if (name !== "volume") {
-    const slice = figures.slices[number - 1];
+    const slice = shown.slices[number - 1];
     context.fillText(`${slice.slice + 1} / ${slice.slices}${slice.clipped ? " · clipped" : ""}`, 6 * unit, canvas.height - 8 * unit);
   }
   // A bar of a round length.
@@ -350,22 +358,24 @@ for (const name of panes) {
   const canvas = $(name);
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
-    if (!drives || !figures) { if (mayDrive && !drives) send({ do: "take" }); return; }
+    if (!drives || !shown) { if (mayDrive && !drives) send({ do: "take" }); return; }
     if (press) return;
     canvas.focus();
     canvas.setPointerCapture(event.pointerId);
     const at = share(event, name);
     let does = event.button === 1 || (event.button === 0 && event.shiftKey) ? "pan" : event.button === 2 ? "zoom" : tool();
     if (does === "turn" && name !== "volume") does = "cross";
+    // Until it can be moved it can be looked at.
+    if (!figures && !["turn", "pan", "zoom", "cross"].includes(does)) return;
     press = { name, does, at, first: at, pointer: event.pointerId };
     if (does === "handle") now({ do: "grab", pane: name, at });
     if (does === "pin") now({ do: "pin", pane: name, at });
     if (does === "cross") now({ do: "cross", pane: name, at });
   });
   canvas.addEventListener("pointerenter", () => { pointed = true; });
-  canvas.addEventListener("pointerleave", () => { pointed = false; if (figures) draw(); });
+  canvas.addEventListener("pointerleave", () => { pointed = false; draw(); });
   canvas.addEventListener("pointermove", (event) => {
-    if (!drives || !figures || (press && press.pointer !== event.pointerId)) return;
+    if (!drives || !shown || (press && press.pointer !== event.pointerId)) return;
     const at = share(event, name);
     if (!press) {
       if (at.every((c) => c >= 0 && c <= 1)) soon({ do: "hover", pane: name, at }, newest);
@@ -402,10 +412,10 @@ for (const name of panes) {
   canvas.addEventListener("pointercancel", () => { if (press?.does === "handle") now({ do: "abandon" }); press = null; lock = null; draw(); });
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
-    if (!drives || !figures) return;
+    if (!drives || !shown) return;
     const steps = Math.sign(event.deltaY);
     const at = share(event, name);
-    if (press?.does === "handle" || (tool() === "handle" && figures.hovered?.handle != null)) return soon({ do: "wheel", steps: -steps });
+    if (press?.does === "handle" || (tool() === "handle" && shown.hovered?.handle != null)) return soon({ do: "wheel", steps: -steps });
     if (name === "volume") return soon({ do: "zoom", factor: 1.15 ** -steps, at });
     soon({ do: "slice", pane: name, steps: -steps });
   }, { passive: false });
@@ -423,7 +433,7 @@ addEventListener("keydown", (event) => {
   if (event.key === "Escape") {
     if (press?.does === "handle") { wanted = wanted?.filter((one) => one.do !== "drag") ?? null; now({ do: "abandon" }); }
     press = null;
-    if (figures) draw();
+    draw();
     if (!$("keys").hidden) $("help").click();
     return;
   }

@@ -1,6 +1,6 @@
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -40,6 +40,13 @@ pub(crate) struct Server {
 
 impl Server {
     pub(crate) fn start(place: Place) -> Self {
+        let (go, wait) = channel();
+        go.send(()).unwrap();
+        Self::start_after(place, wait)
+    }
+
+    /// The same, where what is shown can be moved only after something was sent.
+    pub(crate) fn start_after(place: Place, wait: Receiver<()>) -> Self {
         let (exec, (sender, receiver)) = (Exec::default(), channel());
         let its = exec.clone();
         let thread = std::thread::spawn(move || {
@@ -48,6 +55,7 @@ impl Server {
             let open = move |tell: &Tell| {
                 let exec = Exec::default();
                 let subject = Subject::open(&loaded, false, &Cache::disabled(), &exec, tell)?;
+                wait.recv_timeout(Duration::from_mins(1)).unwrap();
                 Model::new(subject, [96, 96], exec)
             };
             serve(open, &its, &Options { place }, |links| sender.send(links.clone()).unwrap())

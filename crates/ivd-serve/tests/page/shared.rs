@@ -1,5 +1,7 @@
 //! One drives, others watch.
 
+use std::sync::mpsc::channel;
+
 use ivd_serve::Place;
 use serde_json::{Value as Json, json};
 
@@ -87,4 +89,26 @@ fn the_wheel_is_handed_over_and_a_lost_drag_is_abandoned() {
     three.hear_of("wheel", |heard| heard.head["free"] == true);
     three.send(&json!({ "do": "orbit", "by": [0.1, 0.0] }));
     three.hear_of("wheel", |heard| heard.head["drives"] == true);
+}
+
+#[test]
+fn what_is_opened_is_seen_and_turned_before_it_can_be_moved() {
+    let (go, wait) = channel();
+    let server = Server::start_after(Place::Port(0), wait);
+    let mut driver = server.join(&server.links.drive);
+    let has = |heard: &Heard, pane: &str| pictures(heard).iter().any(|(name, _)| name == pane);
+    let volume = |heard: &Heard| has(heard, "volume");
+    let first = driver.hear_of("scan", volume);
+    assert_eq!(first.head["figures"]["size"], json!([512, 512]));
+    driver.send(&json!({ "do": "resize", "size": [64, 48] }));
+    driver.hear_of("scan", |heard| volume(heard) && heard.head["figures"]["size"] == json!([64, 48]));
+    driver.send(&json!({ "do": "slice", "pane": "axial", "steps": 2 }));
+    let sliced = driver.hear_of("scan", |heard| has(heard, "axial"));
+    assert!(!has(&sliced, "coronal"), "{}", sliced.head["pictures"]);
+    // What needs a lattice waits for one.
+    driver.send(&json!({ "do": "grab", "pane": "volume", "at": [0.5, 0.5] }));
+    go.send(()).unwrap();
+    let frame = driver.hear_of("frame", |_| true);
+    assert_eq!((pictures(&frame).len(), &frame.head["figures"]["size"]), (4, &json!([64, 48])));
+    driver.hear_of("frame", |heard| heard.head["figures"]["held"] == 0);
 }
