@@ -11,6 +11,7 @@ mod deform;
 mod faults;
 mod files;
 mod first_hour;
+mod hands;
 mod hostile;
 mod killed;
 mod lattice;

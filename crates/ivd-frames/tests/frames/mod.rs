@@ -2,8 +2,10 @@
 
 mod common;
 mod gestures;
+mod hands;
 mod parts;
 mod scenes;
 mod scripts;
 mod service;
 mod soak;
+mod verbs;

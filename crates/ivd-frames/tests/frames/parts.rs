@@ -8,7 +8,8 @@ use ivd_session::Event;
 use nalgebra::Vector3;
 
 use super::common::{BALL, model};
-use super::scripts::{BONED, assert_as_piped, made};
+use super::scripts::{assert_as_piped, made};
+use super::verbs::BONED;
 
 fn follow(model: &mut Model, request: &Request) -> Figures {
     model.follow(request).unwrap();

@@ -1,14 +1,14 @@
 //! Hands that don't rest: gestures of twenty requests and more through the service, whose worker is held up now and then. In the end the log gives the same bytes, so does the
 //! scene through the pipeline, and undoing gives the beginning.
 
-use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use ivd_core::Exec;
-use ivd_frames::{File, Frame, Log, Model, Output, Pane, Request, Saved, Service};
+use ivd_frames::{Log, Model, Pane, Request, Saved};
 use ivd_session::Entry;
 
 use super::common::{BALL, Draw, model};
+use super::hands::Hands;
 use super::scripts::assert_as_piped;
 
 /// Requests of a gesture at least.
@@ -16,66 +16,6 @@ const EVENTS: usize = 20;
 /// Memory is looked at after so long, and may grow by so much from then on (bytes).
 const WARM: Duration = Duration::from_mins(10);
 const GROWS: f64 = 1024.0 * 1024.0;
-
-/// What the service said last.
-#[derive(Default)]
-struct Said {
-    frame: Option<Arc<Frame>>,
-    file: Option<Arc<File>>,
-    failed: Option<String>,
-}
-
-/// Hands at a service.
-struct Hands {
-    service: Service,
-    said: Arc<(Mutex<Said>, Condvar)>,
-}
-
-impl Hands {
-    /// At the ball; the worker is held up for up to so long at every third thing that it says.
-    fn at_work(seed: u64, held_up: Duration) -> Self {
-        let said = Arc::<(Mutex<Said>, Condvar)>::default();
-        let (there, mut draw) = (said.clone(), Draw(seed));
-        let publish = move |output| {
-            if draw.below(3) == 0 {
-                std::thread::sleep(held_up.mul_f64(draw.unit()));
-            }
-            let mut said = there.0.lock().unwrap();
-            match output {
-                Output::Frame(frame) => said.frame = Some(frame),
-                Output::File(_, file) => said.file = Some(file),
-                Output::Failed(error) => said.failed = Some(error.to_string()),
-                _ => {}
-            }
-            there.1.notify_all();
-        };
-        Self { service: Service::start(|_| Ok(model(BALL)), Exec::default(), publish).unwrap(), said }
-    }
-
-    /// Asks until there is room.
-    fn ask(&self, request: &Request) {
-        while !self.service.ask(1, request.clone()) {
-            std::thread::sleep(Duration::from_millis(2));
-        }
-    }
-
-    /// What was kept of a kind, after all that was asked before.
-    fn kept(&self, what: Saved) -> Arc<File> {
-        self.said.0.lock().unwrap().file = None;
-        self.ask(&Request::Save { what });
-        let (said, changed) = &*self.said;
-        let waits = |said: &mut Said| said.file.is_none() && said.failed.is_none();
-        let (said, late) =
-            changed.wait_timeout_while(said.lock().unwrap(), Duration::from_mins(2), waits).unwrap();
-        assert!(!late.timed_out(), "nothing is kept in two minutes");
-        assert_eq!(said.failed, None);
-        said.file.clone().unwrap()
-    }
-
-    fn steps(&self) -> Option<String> {
-        self.said.0.lock().unwrap().frame.as_ref().and_then(|frame| frame.figures.undo.clone())
-    }
-}
 
 /// A gesture: twenty requests and more.
 fn gesture(draw: &mut Draw) -> Vec<Request> {
@@ -127,7 +67,7 @@ fn rise(points: &[[f64; 2]]) -> f64 {
 
 /// Works for so many gestures, and so long at least; the log then gives the same bytes. What memory was, by seconds.
 fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Vec<[f64; 2]> {
-    let (hands, mut draw, begun) = (Hands::at_work(seed, held_up), Draw(seed), Instant::now());
+    let (hands, mut draw, begun) = (Hands::at_work(BALL, seed, held_up), Draw(seed), Instant::now());
     let (mut done, mut memory) = (0, Vec::new());
     while done < gestures || begun.elapsed() < at_least {
         for request in gesture(&mut draw) {
@@ -163,7 +103,10 @@ fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Ve
         scene,
         "seed {seed}"
     );
-    assert_eq!(again.session().steps().last().map(|step| step.name.clone()), hands.steps());
+    assert_eq!(
+        again.session().steps().last().map(|step| step.name.clone()),
+        hands.frame().and_then(|frame| frame.figures.undo.clone())
+    );
     assert_as_piped(&again);
     undo_all(&mut again);
     assert_eq!(again.session().deformed(), &start);
