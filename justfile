@@ -38,6 +38,10 @@ stress:
 soak:
     cargo test --release -p ivd-frames --test integration -- --ignored --nocapture soak
 
+# Messages that mean harm, sent to the page's server: what it holds stays, and who drives is not held up.
+hostile:
+    cargo test --release -p ivd-serve --test integration -- --ignored --nocapture hostile
+
 # The whole pipeline on a scene; on a generated head where none is named.
 pipeline scene="fixtures/scenes/bust.toml" *args="":
     cargo run --release -- pipeline {{scene}} --explain {{args}}

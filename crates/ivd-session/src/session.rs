@@ -14,6 +14,9 @@ use crate::numbered::Id;
 use crate::shown::Shown;
 use crate::{Entry, Error, Event, Settings, Step};
 
+/// Lattices that are kept at most, so that going back to a level takes no time.
+const MOST_LEVELS: usize = 8;
+
 /// What an event changed.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Update {
@@ -312,6 +315,11 @@ impl Session {
         Ok(())
     }
 
+    /// The levels whose lattices are there, ascending.
+    pub fn made_levels(&self) -> impl Iterator<Item = u8> {
+        self.levels.keys().copied()
+    }
+
     /// What the last event changed, or the beginning, where the first settings move something.
     pub fn last(&self) -> &Update {
         &self.last
@@ -413,9 +421,22 @@ impl Session {
         if let Some(displaced) = displaced {
             self.displaced = displaced;
         }
+        if self.settings.level != next.level {
+            self.keep_levels([self.settings.level, next.level]);
+        }
         self.settings = next;
         self.last = update.clone();
         Ok(update)
+    }
+
+    /// Keeps what was prepared of two levels, of others their lattices, and of those not too many: the nearest to the second.
+    fn keep_levels(&mut self, two: [u8; 2]) {
+        let others = self.levels.iter_mut().filter(|(level, _)| !two.contains(level));
+        others.for_each(|(_, level)| level.forget());
+        while self.levels.len() > MOST_LEVELS {
+            let farthest = self.levels.keys().copied().max_by_key(|level| level.abs_diff(two[1]));
+            farthest.map(|level| self.levels.remove(&level));
+        }
     }
 }
 

@@ -456,3 +456,16 @@ fn the_ranges_of_bricks_follow_what_changes() {
         assert_eq!(deformed.bricks(), anew.bricks());
     }
 }
+
+#[test]
+fn of_many_levels_some_are_kept_and_none_is_another() {
+    let exec = Exec::default();
+    let mut session = session(Settings { handles: numbered([top()]), ..Settings::default() }, &exec);
+    for level in (0..16).chain([3, 15, 0]) {
+        session.apply(Event::Level(level), &exec).unwrap();
+        session.apply(Event::Move { handle: 0, by: [0.0, f64::from(level) / 20.0, 0.5] }, &exec).unwrap();
+        let made: Vec<u8> = session.made_levels().collect();
+        assert!(made.len() <= 8 && made.contains(&level), "{made:?}");
+        assert_as_at_once(&session, &exec);
+    }
+}
