@@ -1,6 +1,6 @@
 //! The line at the bottom: what lies under the pointer, what the last motion came to, what it took; and how opening goes on.
 
-use egui::{Align, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
+use egui::{Align, Color32, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
 use ivd_frames::{Figures, NOTICE};
 
 use crate::waits::SOON;
@@ -44,7 +44,7 @@ impl Window {
             return "Open a scan or a scene: Ctrl+O, or drop a file here.".to_owned();
         };
         let inbox = work.shared.locked();
-        inbox.stage.map_or_else(|| "opening …".to_owned(), |stage| format!("{stage} …"))
+        format!("{} …", inbox.stage.map_or("opening", in_words))
     }
 
     /// How opening goes on, in the volume's pane, with a way to stop it.
@@ -54,26 +54,52 @@ impl Window {
             let inbox = work.shared.locked();
             (inbox.stage, inbox.done)
         };
-        let size = vec2(rect.width().min(260.0), 90.0);
-        // Not over what is seen already.
-        let room = match self.shown.at_rest() {
-            Some(_) => Rect::from_min_size(rect.left_bottom() - vec2(-6.0, size.y), size),
-            None => Rect::from_center_size(rect.center(), size),
-        };
+        let share = done.map_or(0.0, |(done, total)| done as f32 / total.max(1) as f32).min(1.0);
+        let goes_on = stage.map_or("reading", in_words);
+        let told = format!("{} is opened: {goes_on} …", work.name());
+        let wide = rect.width().min(300.0);
         let mut stop = false;
-        ui.scope_builder(UiBuilder::new().max_rect(room), |ui| {
-            ui.vertical_centered(|ui| {
-                ui.label(format!("{} is opened: {} …", work.name(), stage.unwrap_or("reading")));
-                let share = done.map_or(0.0, |(done, total)| done as f32 / total.max(1) as f32);
-                ui.add(ProgressBar::new(share.min(1.0)).show_percentage())
-                    .accessible_name("Progress of opening");
-                stop = ui.button("Stop opening").clicked();
+        if self.shown.at_rest().is_some() {
+            // A line below what is seen already.
+            let room = Rect::from_center_size(rect.center_bottom() - vec2(0.0, 34.0), vec2(wide, 20.0));
+            ui.painter().rect_filled(room.expand(4.0), 4.0, Color32::from_black_alpha(200));
+            ui.scope_builder(UiBuilder::new().max_rect(room), |ui| {
+                ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                    stop = ui.button("Stop opening").clicked();
+                    progress(ui, ProgressBar::new(share).text(goes_on));
+                });
             });
-        });
+        } else {
+            let room = Rect::from_center_size(rect.center(), vec2(wide, 90.0));
+            ui.scope_builder(UiBuilder::new().max_rect(room), |ui| {
+                ui.vertical_centered(|ui| {
+                    ui.label(told);
+                    progress(ui, ProgressBar::new(share).show_percentage());
+                    stop = ui.button("Stop opening").clicked();
+                });
+            });
+        }
         if stop {
             work.stop();
         }
     }
+}
+
+/// What a stage does, for whoever waits for it.
+fn in_words(stage: &'static str) -> &'static str {
+    match stage {
+        "import" => "reading the scan",
+        "segment" => "finding classes",
+        "boundary" => "finding the part",
+        "lattice" => "making its lattice",
+        "refine" => "making that coarser",
+        "atf" => "choosing colours",
+        other => other,
+    }
+}
+
+fn progress(ui: &mut Ui, bar: ProgressBar) {
+    ui.add(bar).accessible_name("Progress of opening");
 }
 
 /// What the last motion came to, and what it took.
