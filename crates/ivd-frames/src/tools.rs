@@ -36,7 +36,7 @@ impl Tool {
     pub fn hint(self) -> &'static str {
         match self {
             Self::Turn => "drag the volume to turn it, in a slice to move the cross hair",
-            Self::Handle => "drag from a surface, in any picture, to move it; wheel over a handle: its reach",
+            Self::Handle => "drag from a surface in any picture; wheel on a handle: its reach",
             Self::Pin => "press, in any picture, on what is to stay where it is",
             Self::Incise => "draw a line over the body, in any picture",
             Self::Brightness => "drag over a picture: its contrast and brightness",
