@@ -277,6 +277,7 @@ fn windows(seeds: &Path) -> Outcome {
         r#"{"do":"slice","pane":"coronal","steps":2}"#,
         r#"{"do":"cross","pane":"axial","at":[0.3,0.4]}"#,
         r#"{"do":"cut","along":"sagittal"}"#,
+        r#"{"do":"compare","shows":"both","at":0.4}"#,
         r#"{"do":"window","by":[0.1,-0.1]}"#,
         r#"{"do":"add","place":[8,8,13],"by":[0,0,1]}"#,
         r#"{"do":"move","handle":0,"by":[0,0,2]}"#,

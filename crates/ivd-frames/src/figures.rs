@@ -5,7 +5,7 @@ use ivd_render::Lens;
 use ivd_session::ClipPart;
 use serde::Serialize;
 
-use crate::{Made, Overlay, Pane};
+use crate::{Compared, Made, Overlay, Pane};
 
 /// A handle or a pin, and where the panes show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -188,6 +188,8 @@ pub struct Figures {
     pub extent: [[f64; 3]; 2],
     /// The handle that is held.
     pub held: Option<u32>,
+    /// Whether the body is shown as it is, at rest, or both.
+    pub compare: Compared,
     /// Along which pane the volume's picture is cut open.
     pub cut: Option<Pane>,
     /// Where the slices meet (mm, RAS).

@@ -10,6 +10,7 @@
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
 
 mod colours;
+mod compared;
 mod error;
 mod figures;
 mod log;
@@ -33,6 +34,7 @@ pub use ivd_field::clip::{Cuboid, HalfSpace};
 pub use ivd_field::lies::Lies;
 pub use ivd_session::{ClipPart, Entry, Event};
 
+pub use compared::{Compared, Shows};
 pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Matter, Missed, Refused, Slice, Spot};
 pub use log::Log;
 pub use made::Made;

@@ -6,7 +6,8 @@ use ivd_render::Colour;
 use ivd_session::ClipPart;
 use serde::{Deserialize, Serialize};
 
-use crate::{Error, Overlay};
+use crate::compared::middle;
+use crate::{Error, Overlay, Shows};
 
 /// Sides of a picture (pixels).
 const SIDES: [usize; 2] = [32, 2048];
@@ -176,6 +177,14 @@ pub enum Request {
         /// What they tell of; `None` for none.
         #[serde(default)]
         of: Option<Overlay>,
+    },
+    /// Shows the body at rest, in the place of what it is now or beside it.
+    Compare {
+        /// Which of both.
+        shows: Shows,
+        /// Where the line lies that divides both, as a share of each pane's width.
+        #[serde(default = "middle")]
+        at: f64,
     },
     /// Asks what lies there.
     Hover {
@@ -414,6 +423,9 @@ impl Request {
             | Self::Grab { at, .. }
             | Self::Pin { at, .. }
             | Self::Drag { to: at, .. } => shares("place", at),
+            Self::Compare { at, .. } if !(0.0..=1.0).contains(at) => {
+                wrong("compare", format!("{at}"), "give a share of the pane's width, 0 to 1")
+            }
             Self::Stroke { from, to, .. } => shares("line", from).and_then(|()| shares("line", to)),
             Self::Radius { radius, .. } if !(*radius > 0.0 && *radius <= FARTHEST) => {
                 wrong("radius", format!("{radius} mm"), "use a positive length up to a million")
@@ -509,6 +521,7 @@ impl Request {
             | (Self::Level { .. }, Self::Level { .. })
             | (Self::Map { .. }, Self::Map { .. })
             | (Self::Hover { .. }, Self::Hover { .. })
+            | (Self::Compare { .. }, Self::Compare { .. })
             | (Self::Drag { .. }, Self::Drag { .. })
             | (Self::Incise { .. }, Self::Incise { .. })
             | (Self::Resize { .. }, Self::Resize { .. }) => {

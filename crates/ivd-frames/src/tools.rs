@@ -56,7 +56,7 @@ impl Tool {
 }
 
 /// The keys and buttons that every window has: which, and what they do.
-pub const KEYS: [(&str, &str); 12] = [
+pub const KEYS: [(&str, &str); 13] = [
     ("Turn", "left: turn the volume, cross hair in slices"),
     ("middle, or Shift and left", "move the picture"),
     ("right, or the wheel", "zoom; in slices the wheel goes through them"),
@@ -72,6 +72,10 @@ pub const KEYS: [(&str, &str); 12] = [
     ("Brightness", "left: in slices brightness and contrast, in the volume its colours"),
     ("T, H, P, I, B", "tools"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+    (
+        "O, W",
+        "the body at rest, and as it is again; pictures divided at a line that can be dragged: at rest, as it is",
+    ),
     ("1, 3, 7, 0", "from the front, the left, the top; whole"),
     (
         "Look inside",

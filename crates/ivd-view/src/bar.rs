@@ -1,7 +1,7 @@
 //! The bar at the top: menus, tools, steps.
 
 use egui::{Button, Context, KeyboardShortcut, Label, MenuBar, RichText, Ui};
-use ivd_frames::{Pane, Request, Saved, Tool};
+use ivd_frames::{Pane, Request, Saved, Shows, Tool};
 use ivd_render::Side;
 
 use crate::dialogs::Dialog;
@@ -147,6 +147,17 @@ impl Window {
         }
         if item(ui, self.shown.slices().is_some(), "Colours as they were", None) {
             self.ask(Request::ResetColours);
+        }
+        ui.separator();
+        let now = self.compared().map(|compared| compared.shows);
+        for (shows, keys, off, on) in [
+            (Shows::Rest, keys::REST, "Show the body at rest", "Show the body as it is"),
+            (Shows::Both, keys::BOTH, "Divide the pictures: at rest, as it is", "Pictures not divided"),
+        ] {
+            let words = if now == Some(shows) { on } else { off };
+            if item(ui, is_shown, words, Some(&keys)) {
+                self.toggle(shows);
+            }
         }
         ui.separator();
         for pane in Pane::ALL {

@@ -1,6 +1,6 @@
 //! What hands do, as requests: of buttons, moves and wheels over panes. Places are shares of a pane's picture.
 
-use ivd_frames::{Axis, Pane, Request, Spot, Tool};
+use ivd_frames::{Axis, Pane, Request, Shows, Spot, Tool};
 
 /// Points of a smooth scroll that are one step of a wheel.
 const STEP: f32 = 50.0;
@@ -26,6 +26,8 @@ enum Does {
     Pin,
     Incise,
     Brightness,
+    /// Moves the line that divides the pictures.
+    Divide,
 }
 
 /// A button that is held.
@@ -62,6 +64,11 @@ impl Hands {
     /// Whether a handle is held.
     pub(crate) fn hold(&self) -> bool {
         self.press.is_some_and(|press| press.does == Does::Handle)
+    }
+
+    /// The left button takes hold of the line that divides the pictures.
+    pub(crate) fn divide(&mut self, pane: Pane, at: [f64; 2]) {
+        self.press = Some(Press { pane, does: Does::Divide, button: Button::Left, first: at, at });
     }
 
     /// A button goes down.
@@ -114,6 +121,7 @@ impl Hands {
             Does::Brightness if is_volume => Some(Request::Transfer { by }),
             Does::Brightness => Some(Request::Window { by }),
             Does::Handle => Some(Request::Drag { to: within, lock: self.lock }),
+            Does::Divide => Some(Request::Compare { shows: Shows::Both, at: at[0].clamp(0.0, 1.0) }),
             Does::Pan | Does::Zoom | Does::Pin | Does::Incise => None,
         }
     }
@@ -246,6 +254,16 @@ mod tests {
         hands.pressed(Pane::Coronal, [0.2, 0.3], Button::Left, false, Tool::Incise);
         assert_eq!(hands.give_up(), None);
         assert!(hands.released(Button::Left, None).is_empty(), "Esc gives it up");
+    }
+
+    #[test]
+    fn the_line_that_divides_goes_with_the_pointer_as_far_as_there_is_a_picture() {
+        let mut hands = Hands::default();
+        hands.divide(Pane::Axial, [0.5, 0.2]);
+        for (to, at) in [(0.7, 0.7), (3.0, 1.0), (-0.2, 0.0)] {
+            assert_eq!(hands.moved([to, 0.9]), Some(Request::Compare { shows: Shows::Both, at }));
+        }
+        assert!(hands.released(Button::Left, None).is_empty() && hands.pane().is_none());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Keys that hold in the whole window.
 
 use egui::{Context, Key, KeyboardShortcut, Modifiers};
-use ivd_frames::{Axis, Request, Saved, Tool};
+use ivd_frames::{Axis, Request, Saved, Shows, Tool};
 use ivd_render::Side;
 
 use crate::bar::quit;
@@ -15,6 +15,8 @@ pub(crate) const QUIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMA
 pub(crate) const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
 pub(crate) const REDO: KeyboardShortcut =
     KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
+pub(crate) const REST: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::O);
+pub(crate) const BOTH: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::W);
 const REDO_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Y);
 
 /// Keys and buttons that this window has beside those of every window.
@@ -70,6 +72,11 @@ impl Window {
         for tool in Tool::ALL {
             if Key::from_name(&tool.key().to_uppercase().to_string()).is_some_and(pressed) {
                 self.tool = tool;
+            }
+        }
+        for (keys, shows) in [(REST, Shows::Rest), (BOTH, Shows::Both)] {
+            if pressed(keys.logical_key) {
+                self.toggle(shows);
             }
         }
         for (key, side) in SIDES {

@@ -10,6 +10,7 @@ mod bar;
 mod bones;
 mod classes;
 mod clips;
+mod compare;
 mod cut;
 mod dialogs;
 mod error;

@@ -1,7 +1,7 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
-use ivd_frames::{Figures, Hovered, Overlay, Pane, Spot, Tool};
+use ivd_frames::{Figures, Hovered, Overlay, Pane, Shows, Spot, Tool};
 
 use crate::shown::Shown;
 
@@ -10,6 +10,7 @@ const HANDLE: Color32 = Color32::from_rgb(255, 180, 84);
 const HELD: Color32 = Color32::from_rgb(255, 212, 121);
 const PIN: Color32 = Color32::from_rgb(108, 182, 255);
 const CUT: Color32 = Color32::from_rgb(245, 245, 245);
+const REST: Color32 = Color32::from_rgb(240, 160, 220);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
 const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
 /// Slices from which on a handle is faint in a slice.
@@ -44,6 +45,7 @@ impl Over<'_> {
             self.spots(figures);
             self.cut(figures);
             self.legend(figures);
+            self.states(figures);
         }
         self.letters();
         self.bar();
@@ -129,7 +131,7 @@ impl Over<'_> {
     fn cut(&self, figures: &Figures) {
         let mouth = figures.incision.as_ref().and_then(|cut| cut.at[self.pane.number()]);
         // Over the volume one that lies within would seem to lie on its skin.
-        let is_slice = self.pane != Pane::Volume;
+        let is_slice = self.pane != Pane::Volume && figures.compare.shows != Shows::Rest;
         if let Some(ends) = mouth.filter(|_| is_slice && self.tool == Tool::Incise && self.line.is_none()) {
             let ends = ends.map(|end| self.place(end));
             self.painter.extend(Shape::dashed_line(
@@ -147,9 +149,32 @@ impl Over<'_> {
         self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, CUT);
     }
 
+    /// Says where the body is shown at rest, and draws the line that divides both.
+    fn states(&self, figures: &Figures) {
+        let (low, large) = (vec2(0.0, -18.0), LETTERS + 2.0);
+        match figures.compare.shows {
+            Shows::Now => {}
+            Shows::Rest => {
+                let at = self.rect.left_top() + vec2(6.0, 22.0);
+                self.write(at, Align2::LEFT_TOP, Shows::Rest.word(), large, REST);
+            }
+            Shows::Both => {
+                let at = self.place([figures.compare.at, 1.0]);
+                let line = self.room.y_range();
+                self.painter.vline(at.x, line, Stroke::new(4.0, Color32::BLACK.gamma_multiply(0.6)));
+                self.painter.vline(at.x, line, Stroke::new(2.0, REST));
+                let at = at + low;
+                let [left, right] = [Align2::RIGHT_BOTTOM, Align2::LEFT_BOTTOM];
+                self.write(at - vec2(8.0, 0.0), left, Shows::Rest.word(), large, REST);
+                self.write(at + vec2(8.0, 0.0), right, Shows::Now.word(), large, TEXT);
+            }
+        }
+    }
+
     /// What the colours over a slice mean.
     fn legend(&self, figures: &Figures) {
-        let Some(of) = figures.overlay.filter(|_| self.pane != Pane::Volume) else { return };
+        let is_coloured = self.pane != Pane::Volume && figures.compare.shows != Shows::Rest;
+        let Some(of) = figures.overlay.filter(|_| is_coloured) else { return };
         let corner = self.rect.left_bottom() + vec2(6.0, -38.0);
         let bar = Rect::from_min_size(corner, LEGEND);
         let step = LEGEND.x / SHADES as f32;

@@ -66,7 +66,9 @@ impl Window {
         let line = self.hands.line(pane);
         let (shown, tool, pointed) = (&self.shown, self.tool, self.pointed);
         Over { painter: &painter, pane, rect, room, shown, tool, pointed, line }.draw();
-        if self.tool == Tool::Incise && response.hovered() {
+        if self.is_over_line(ui, &response, room) {
+            ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
+        } else if self.tool == Tool::Incise && response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
         }
         if response.has_focus() {
@@ -95,6 +97,7 @@ impl Window {
             }
             _ => "no picture yet".to_owned(),
         };
+        let text = text + &self.spoken_state();
         ui.ctx().accesskit_node_builder(response.id, |node| node.set_description(text));
     }
 
@@ -131,6 +134,10 @@ impl Window {
                 Event::PointerButton { pos, button, pressed: true, modifiers } if here => {
                     let Some(button) = button_of(button) else { continue };
                     response.request_focus();
+                    if button == Button::Left && !modifiers.shift && self.is_line_at(room, pos) {
+                        self.hands.divide(pane, share(room, pos));
+                        continue;
+                    }
                     let asked =
                         self.hands.pressed(pane, share(room, pos), button, modifiers.shift, self.tool);
                     self.ask_all(asked);

@@ -1,6 +1,6 @@
 //! What was asked for a part and isn't shown yet: what is asked next for the same part goes on from there.
 
-use ivd_frames::{Bone, ClipPart, Clipped, Figures, Incision, Request};
+use ivd_frames::{Bone, ClipPart, Clipped, Compared, Figures, Incision, Request};
 
 /// The last that was asked for a part, until it is shown or something else is done.
 #[derive(Debug, Default)]
@@ -10,7 +10,10 @@ impl Pending {
     /// Something is asked for.
     pub(crate) fn ask(&mut self, request: &Request) {
         match request {
-            Request::Turn { .. } | Request::Open { .. } | Request::MoveClip { .. } => {
+            Request::Turn { .. }
+            | Request::Open { .. }
+            | Request::MoveClip { .. }
+            | Request::Compare { .. } => {
                 self.0 = Some(request.clone());
             }
             // What only looks, and the ends of a slider's way.
@@ -29,6 +32,9 @@ impl Pending {
     pub(crate) fn shown(&mut self, figures: &Figures) {
         let Figures { bones, incision, clips, refused, .. } = figures;
         self.compare(bones, incision.as_ref(), clips, refused.is_some());
+        if self.compared(figures.compare) == figures.compare {
+            self.0.take_if(|asked| matches!(asked, Request::Compare { .. }));
+        }
     }
 
     fn compare(&mut self, bones: &[Bone], incision: Option<&Incision>, clips: &[Clipped], is_refused: bool) {
@@ -49,6 +55,14 @@ impl Pending {
         };
         if is_shown || is_refused {
             self.0 = None;
+        }
+    }
+
+    /// What the panes will show of the body's two states.
+    pub(crate) fn compared(&self, shown: Compared) -> Compared {
+        match self.0 {
+            Some(Request::Compare { shows, at }) => Compared { shows, at },
+            _ => shown,
         }
     }
 

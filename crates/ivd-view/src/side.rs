@@ -94,6 +94,7 @@ impl Window {
             self.turned(&response, ("Level", level), request);
         }
         self.follow(ui, figures);
+        self.compare(ui, figures);
         self.look_inside(ui, figures);
         self.colours_over(ui, figures);
     }

@@ -8,7 +8,7 @@ use ivd_session::{ClipPart, ClipRule, Event};
 use super::{Model, no_more_than};
 use crate::figures::Slice;
 use crate::request::MOST_HANDLES;
-use crate::{Error, Request};
+use crate::{Error, Request, Shows};
 
 impl Model {
     /// Finds which slices planes and boxes take something away of.
@@ -24,7 +24,7 @@ impl Model {
 
     /// Whether the deformed volume is another in a slice than it would be if nothing clipped it.
     fn is_clipped(&self, axis: usize, slice: usize) -> bool {
-        if self.session.settings().clip.parts.is_empty() {
+        if self.session.settings().clip.parts.is_empty() || self.compared.shows == Shows::Rest {
             return false;
         }
         let (shown, whole) = (self.session.deformed(), self.session.whole());

@@ -27,6 +27,9 @@ impl Model {
     /// What lies under the pointer.
     pub(super) fn hover(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Hovered>, Error> {
         let Some(place) = self.look(pane, at)? else { return Ok(None) };
+        if self.compared.is_rest_at(at) {
+            return Ok(Some(self.hover_at_rest(pane, place)));
+        }
         let rest = self.rest_of(place);
         let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
         let vertex = found.ok().and_then(|picks| picks.first().copied());
@@ -44,6 +47,22 @@ impl Model {
             away_mm: vertex.map(|pick| pick.away()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
+    }
+
+    /// What lies under the pointer where the body is shown at rest: nothing can be taken hold of there.
+    fn hover_at_rest(&self, pane: Pane, place: [f64; 3]) -> Hovered {
+        let volume = self.session.rest();
+        Hovered {
+            pane,
+            place,
+            rest: place,
+            value: value_at(volume, place),
+            handle: None,
+            vertex: None,
+            vertex_at: [None; 4],
+            away_mm: None,
+            at: self.panes.shares(volume.grid(), &self.lens, place),
+        }
     }
 
     /// The handle that a pane shows at a place: in a slice one that lies beside it, in the volume one that nothing hides.
@@ -79,6 +98,7 @@ impl Model {
     /// Takes hold of a handle, or makes one.
     pub(super) fn grab(&mut self, pane: Pane, at: [f64; 2]) -> Result<(), Error> {
         self.let_go()?;
+        self.check_seen_now("grab", &[at])?;
         let grid = self.session.rest().grid().clone();
         let taken = self.handle_at(pane, at)?;
         let (handle, place) = if let Some(id) = taken {

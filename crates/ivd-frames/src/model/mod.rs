@@ -1,6 +1,7 @@
 //! A session with what a window shows of it: requests change it, and it says which panes that touches.
 
 mod clips;
+mod compare;
 mod hand;
 mod looks;
 mod matter;
@@ -11,7 +12,7 @@ mod told;
 
 use std::time::{Duration, Instant};
 
-use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, Image, TransferFunction};
+use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction};
 use ivd_map::{BiharmonicParams, OctreeParams};
 use ivd_motion::handles::{Action, Anchor, Handle, Pick, Pin, find_picks};
 use ivd_render::{Lens, View};
@@ -22,7 +23,7 @@ use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Error, MapName, Overlay, Pane, Request, Subject};
+use crate::{Compared, Error, MapName, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
 
@@ -42,6 +43,7 @@ pub struct Model {
     kept: (Settings, looks::Looks),
     window: Window,
     overlay: Option<Overlay>,
+    compared: Compared,
     first_window: Window,
     /// Of the next handle (mm).
     radius: f64,
@@ -109,6 +111,7 @@ impl Model {
             turned: Turned::NONE,
             window,
             overlay: None,
+            compared: Compared::default(),
             first_window: window,
             radius: if largest > 0.0 { largest } else { (0.15 * side).max(f64::MIN_POSITIVE) },
             drag: None,
@@ -224,6 +227,7 @@ impl Model {
                 self.touch(&Pane::ALL[1..]);
                 Ok(())
             }
+            Request::Compare { shows, at } => self.compare(Compared { shows: *shows, at: *at }),
             Request::Hover { pane, at } => {
                 self.hovered = self.hover(*pane, *at)?;
                 Ok(())
@@ -267,6 +271,7 @@ impl Model {
                 self.apply(Event::Remove { handle: *handle })
             }
             Request::Pin { pane, at } => {
+                self.check_seen_now("pin", &[*at])?;
                 no_more_than(MOST_HANDLES, self.session.settings().fixed.len())?;
                 let Some(place) = self.look(*pane, *at)? else { return Err(nothing_there("pin")) };
                 let pin = Pin { at: Anchor::NearestTo(self.rest_of(place)), radius: 0.5 * self.radius };
@@ -370,6 +375,7 @@ impl Model {
 
     /// Takes what an event changed into account.
     fn show(&mut self, update: &Update) -> Result<(), Error> {
+        self.show_now();
         if !update.dirty.is_empty() {
             let bricks = self.session.displacement().inverse().brick_dims();
             let at = |brick: usize| {
@@ -434,7 +440,7 @@ impl Model {
 
     /// The place that a pane shows (mm, RAS).
     fn look(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
-        self.panes.look(pane, at, self.session.deformed(), self.transfer.as_ref(), &self.exec)
+        self.panes.look(pane, at, self.seen(at), self.transfer.as_ref(), &self.exec)
     }
 
     /// Finds where handles and pins are.
@@ -497,24 +503,9 @@ impl Model {
     fn place_spots(&mut self) {
         let grid = self.session.rest().grid();
         for spot in self.spots.iter_mut().chain(&mut self.pins) {
-            spot.at = self.panes.shares(grid, &self.lens, spot.now);
-            spot.off = self.panes.planes.off(grid, spot.now);
-        }
-    }
-
-    /// Draws a pane; `coarser`: by how many the sides of the volume's are divided.
-    ///
-    /// # Errors
-    /// Those of pictures; cancellation.
-    pub fn draw(&self, pane: Pane, coarser: usize, exec: &Exec) -> Result<Image, Error> {
-        let volume = self.session.deformed();
-        match self.panes.planes.plane(pane) {
-            Some(plane) => self.panes.planes.draw(plane, volume, self.window, |voxel, grey| {
-                let largest_mm = self.session.last().largest_mm;
-                let colour = |of: Overlay| of.over(self.session.displacement(), largest_mm, voxel, grey);
-                self.overlay.map_or([grey; 3], colour)
-            }),
-            None => self.panes.draw(volume, self.transfer.as_ref(), coarser, exec),
+            let place = if self.compared.shows == Shows::Rest { spot.rest } else { spot.now };
+            spot.at = self.panes.shares(grid, &self.lens, place);
+            spot.off = self.panes.planes.off(grid, place);
         }
     }
 

@@ -29,6 +29,7 @@ fn wrong(problem: &str, remedy: &'static str) -> Error {
 impl Model {
     /// Cuts open what a line goes over: the cut's mouth lies along it, its plane along the line of sight.
     pub(super) fn stroke(&mut self, pane: Pane, from: [f64; 2], to: [f64; 2]) -> Result<(), Error> {
+        self.check_seen_now("cut", &[from, to])?;
         let halfway = [0, 1].map(|a| f64::midpoint(from[a], to[a]));
         let places = [self.look(pane, from)?, self.look(pane, halfway)?, self.look(pane, to)?];
         let [Some(first), Some(centre), Some(last)] = places.map(|place| place.map(Vector3::from)) else {

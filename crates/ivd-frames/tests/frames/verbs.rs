@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ivd_frames::{Axis, ClipPart, Cuboid, HalfSpace, Lies, MapName, Pane, Request, SolverName};
+use ivd_frames::{Axis, ClipPart, Cuboid, HalfSpace, Lies, MapName, Pane, Request, Shows, SolverName};
 use ivd_render::Side;
 
 use super::common::Draw;
@@ -14,7 +14,7 @@ pub(crate) fn every(usual: usize) -> usize {
 }
 
 /// Verbs, by what they are called.
-pub(crate) const VERBS: [&str; 22] = [
+pub(crate) const VERBS: [&str; 23] = [
     "orbit",
     "pan",
     "zoom",
@@ -24,6 +24,7 @@ pub(crate) const VERBS: [&str; 22] = [
     "slice",
     "cross",
     "cut",
+    "compare",
     "hover",
     "drag",
     "wheel",
@@ -107,6 +108,12 @@ pub(crate) fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
             },
             Request::Cut { along: None },
         ],
+        // What is pointed at meanwhile is at rest, or is not.
+        "compare" => vec![
+            Request::Compare { shows: [Shows::Rest, Shows::Both][draw.below(2)], at: draw.unit() },
+            Request::Pin { pane, at: place(draw) },
+            Request::Compare { shows: Shows::Now, at: 0.5 },
+        ],
         "hover" => vec![Request::Hover { pane, at: place(draw) }],
         "wheel" => vec![Request::Wheel { steps: draw.below(5) as i32 - 2 }],
         "pin" => vec![Request::Pin { pane: Pane::Volume, at: place(draw) }],
@@ -177,7 +184,9 @@ pub(crate) struct Coverage {
 
 impl Coverage {
     pub(crate) fn take(&mut self, verbs: &[&'static str]) {
-        verbs.iter().for_each(|verb| *self.counts.entry(verb).or_insert(0) += 1);
+        for verb in verbs {
+            *self.counts.entry(verb).or_insert(0) += 1;
+        }
         self.pairs.extend(verbs.windows(2).map(|pair| [pair[0], pair[1]]));
     }
 

@@ -109,6 +109,7 @@ function tell() {
     if (document.activeElement !== $(key)) $(key).value = key === "radius" ? Number(f[key].toPrecision(4)) : f[key];
   }
   if (document.activeElement !== $("cut")) $("cut").value = f.cut ?? "";
+  if (document.activeElement !== $("compare")) $("compare").value = f.compare.shows;
   listHandles();
 }
 
@@ -290,6 +291,7 @@ function over(context, name, number, place, scale, canvas) {
     context.setLineDash([]);
     if (drawn) context.fillText(`${few(Math.hypot(to[0] - from[0], to[1] - from[1]) / scale, 0)} mm`, to[0] + 10 * unit, to[1] - 8 * unit);
   }
+  states(context, place, unit, canvas);
   context.fillStyle = "#dde";
   const letters = name === "volume" ? shown.letters : shown.slices[number - 1].letters;
   if (letters) {
@@ -312,6 +314,28 @@ function over(context, name, number, place, scale, canvas) {
   context.fillRect(end - length * scale, line, length * scale, 2 * unit);
   const label = `${Number(length.toPrecision(1))} mm`;
   context.fillText(label, end - context.measureText(label).width, line - 4 * unit);
+}
+
+// Says where the body is shown at rest, and draws the line that divides both.
+function states(context, place, unit, canvas) {
+  const compare = shown.compare;
+  context.fillStyle = context.strokeStyle = "#f0a0dc";
+  if (compare?.shows === "rest") context.fillText("at rest", 6 * unit, 34 * unit);
+  if (compare?.shows !== "both") return;
+  const [top, foot] = [place([compare.at, 0]), place([compare.at, 1])];
+  context.lineWidth = 2 * unit;
+  context.beginPath(); context.moveTo(...top); context.lineTo(...foot); context.stroke();
+  const low = Math.min(foot[1], canvas.height) - 24 * unit;
+  context.fillText("at rest", foot[0] - context.measureText("at rest").width - 8 * unit, low);
+  context.fillText("as it is", foot[0] + 8 * unit, low);
+}
+// The line is taken hold of from a few pixels away.
+function atLine(at, name, canvas) {
+  const [, , width] = room(name, canvas), unit = canvas.width / canvas.clientWidth || 1;
+  return figures?.compare.shows === "both" && Math.abs(at[0] - figures.compare.at) * width <= 6 * unit;
+}
+function compare(shows) {
+  if (figures) now({ do: "compare", shows: figures.compare.shows === shows ? "now" : shows, at: figures.compare.at });
 }
 
 let resizing = 0;
@@ -365,6 +389,7 @@ for (const name of panes) {
     const at = share(event, name);
     let does = event.button === 1 || (event.button === 0 && event.shiftKey) ? "pan" : event.button === 2 ? "zoom" : tool();
     if (does === "turn" && name !== "volume") does = "cross";
+    if (event.button === 0 && !event.shiftKey && atLine(at, name, canvas)) does = "divide";
     // Until it can be moved it can be looked at.
     if (!figures && !["turn", "pan", "zoom", "cross"].includes(does)) return;
     press = { name, does, at, first: at, pointer: event.pointerId };
@@ -390,6 +415,7 @@ for (const name of panes) {
       case "zoom": return name === "volume" && soon({ do: "zoom", factor: Math.exp(-3 * by[1]), at: press.first });
       case "cross": return soon({ do: "cross", pane: name, at: within }, newest);
       case "window": return soon({ do: name === "volume" ? "transfer" : "window", by }, sum);
+      case "divide": return soon({ do: "compare", shows: "both", at: Math.min(1, Math.max(0, at[0])) }, newest);
       case "handle": return soon({ do: "drag", to: within, lock }, newest);
       case "incise": return draw();
     }
@@ -451,6 +477,8 @@ addEventListener("keydown", (event) => {
   const sides = { 1: "front", 3: "left", 7: "top" };
   if (sides[key]) now({ do: "look", side: sides[key] });
   if (key === "0") now({ do: "reset_view" });
+  if (key === "o") compare("rest");
+  if (key === "w") compare("both");
   if (event.key === "?") $("help").click();
   draw();
 });
@@ -472,6 +500,7 @@ const number = (id, request) => $(id).addEventListener("change", () => {
 number("radius", (radius) => ({ do: "radius", handle: figures?.held ?? null, radius }));
 number("stiffness", (stiffness) => ({ do: "stiffness", stiffness }));
 number("level", (level) => ({ do: "level", level: Math.min(255, Math.max(0, Math.round(level))) }));
+$("compare").addEventListener("change", () => send({ do: "compare", shows: $("compare").value, at: figures?.compare.at ?? 0.5 }));
 $("cut").addEventListener("change", () => send({ do: "cut", along: $("cut").value || null }));
 $("map").addEventListener("change", () => send({ do: "map", map: $("map").value }));
 const chosen = (id, request) => $(id).addEventListener("change", () => {

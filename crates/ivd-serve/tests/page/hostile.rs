@@ -48,7 +48,7 @@ impl Draw {
     /// A request by its form, with hostile values.
     fn formed(&mut self) -> Json {
         let pane = ["volume", "axial", "coronal", "sagittal"][self.below(4)];
-        match self.below(27) {
+        match self.below(28) {
             0 => json!({ "do": "resize", "size": [32_768, 32_768] }),
             1 => json!({ "do": "orbit", "by": self.pair() }),
             2 => json!({ "do": "zoom", "factor": self.number(), "at": self.pair() }),
@@ -88,6 +88,10 @@ impl Draw {
             25 => {
                 let solver = ["ring", "springs", "body"][self.below(3)];
                 json!({ "do": "solver", "solver": solver })
+            }
+            26 => {
+                let shows = ["now", "rest", "both", "neither"][self.below(4)];
+                json!({ "do": "compare", "shows": shows, "at": self.number() })
             }
             _ => json!({ "do": "slice", "pane": pane, "steps": i32::MIN }),
         }
@@ -161,6 +165,7 @@ fn thousands_of_hostile_messages_change_nothing_but_what_they_may() {
     }
     // It still does what it is asked.
     client.send(&json!({ "do": "look", "side": "front" }));
+    client.send(&json!({ "do": "compare", "shows": "now" }));
     client.send(&json!({ "do": "radius", "radius": 8.0 }));
     client.send(&json!({ "do": "reset_view" }));
     client.send(&json!({ "do": "map", "map": "octree" }));
@@ -193,6 +198,7 @@ fn memory_stays_as_it_was_and_who_drives_is_not_held_up() {
 
     // One drives; two others who might, and two who watch, send harm.
     let mut driver = server.join(&server.links.drive);
+    driver.send(&json!({ "do": "compare", "shows": "now" }));
     driver.send(&json!({ "do": "radius", "radius": 6.0 }));
     driver.send(&json!({ "do": "reset_view" }));
     driver.send(&json!({ "do": "grab", "pane": "volume", "at": [0.5, 0.5] }));

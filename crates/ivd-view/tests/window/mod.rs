@@ -1,6 +1,7 @@
 #![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
 
 mod common;
+mod compared;
 mod drawn;
 mod files;
 mod hands;
