@@ -265,13 +265,12 @@ impl Turned {
     fn shown(&self, before: Option<&Arc<Picture>>, fine: bool, exec: &Exec) -> Result<VolumeAtRest, Error> {
         let right =
             |picture: &&Arc<Picture>| picture.version == self.version && (picture.coarser == 1 || !fine);
-        let picture = match before.filter(right) {
-            Some(same) => same.clone(),
-            None => {
-                let coarser = if fine { 1 } else { COARSE };
-                let image = self.panes.draw(&self.volume, self.transfer.as_ref(), coarser, exec)?;
-                Arc::new(Picture::new(Pane::Volume, self.version, coarser, image))
-            }
+        let picture = if let Some(same) = before.filter(right) {
+            same.clone()
+        } else {
+            let coarser = if fine { 1 } else { COARSE };
+            let image = self.panes.draw(&self.volume, self.transfer.as_ref(), coarser, exec)?;
+            Arc::new(Picture::new(Pane::Volume, self.version, coarser, image))
         };
         let lettered = self.volume.grid().in_patient();
         Ok(VolumeAtRest {
