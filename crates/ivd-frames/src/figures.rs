@@ -68,6 +68,29 @@ pub struct Incision {
     pub at: [Option<[[f64; 2]; 2]>; 4],
 }
 
+/// Two or three places that a length, or two with the angle between them, are measured at. They go with the body.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Ruler {
+    /// What it is called by.
+    pub id: u32,
+    /// The places (mm, RAS); of three the angle is at the second.
+    pub now: Vec<[f64; 3]>,
+    /// Where they were at rest.
+    pub rest: Vec<[f64; 3]>,
+    /// From each place to the next (mm).
+    pub mm: Vec<f64>,
+    /// The same at rest.
+    pub rest_mm: Vec<f64>,
+    /// The angle, where there are three.
+    pub degrees: Option<f64>,
+    /// The same at rest.
+    pub rest_degrees: Option<f64>,
+    /// Where each pane shows each place, as shares.
+    pub at: Vec<[Option<[f64; 2]>; 4]>,
+    /// How many slices each place lies before or behind each slice.
+    pub off: Vec<[f64; 3]>,
+}
+
 /// A plane or a box that clips.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Clipped {
@@ -180,6 +203,8 @@ pub struct Figures {
     pub space: Vec<u32>,
     /// The incision.
     pub incision: Option<Incision>,
+    /// What is measured.
+    pub rulers: Vec<Ruler>,
     /// Planes and boxes that clip the volume.
     pub clips: Vec<Clipped>,
     /// Where they lie.

@@ -35,7 +35,9 @@ pub use ivd_field::lies::Lies;
 pub use ivd_session::{ClipPart, Entry, Event};
 
 pub use compared::{Compared, Shows};
-pub use figures::{Bone, Class, Clipped, Figures, Hovered, Incision, Matter, Missed, Refused, Slice, Spot};
+pub use figures::{
+    Bone, Class, Clipped, Figures, Hovered, Incision, Matter, Missed, Refused, Ruler, Slice, Spot,
+};
 pub use log::Log;
 pub use made::Made;
 pub use model::Model;

@@ -193,6 +193,28 @@ pub enum Request {
         /// Where.
         at: [f64; 2],
     },
+    /// Measures along a line that is drawn over a picture; one that begins at an end of another makes an angle with it.
+    Measure {
+        /// In which pane.
+        pane: Pane,
+        /// Where the line begins.
+        from: [f64; 2],
+        /// Where it ends.
+        to: [f64; 2],
+    },
+    /// Measures between two places, or the angle at the second of three.
+    Ruler {
+        /// In the place of this ruler, else as one more.
+        #[serde(default)]
+        ruler: Option<u32>,
+        /// They, as they are shown.
+        places: Vec<[f64; 3]>,
+    },
+    /// Takes a ruler away.
+    Unmeasure {
+        /// Which.
+        ruler: u32,
+    },
     /// Takes hold of the handle there, or of a new one on the lattice.
     Grab {
         /// In which pane.
@@ -426,7 +448,13 @@ impl Request {
             Self::Compare { at, .. } if !(0.0..=1.0).contains(at) => {
                 wrong("compare", format!("{at}"), "give a share of the pane's width, 0 to 1")
             }
-            Self::Stroke { from, to, .. } => shares("line", from).and_then(|()| shares("line", to)),
+            Self::Ruler { places, .. } if !(2..=3).contains(&places.len()) => {
+                wrong("ruler", format!("{} places", places.len()), "give two, or three for an angle")
+            }
+            Self::Ruler { places, .. } => lengths("places", places.as_flattened()),
+            Self::Stroke { from, to, .. } | Self::Measure { from, to, .. } => {
+                shares("line", from).and_then(|()| shares("line", to))
+            }
             Self::Radius { radius, .. } if !(*radius > 0.0 && *radius <= FARTHEST) => {
                 wrong("radius", format!("{radius} mm"), "use a positive length up to a million")
             }

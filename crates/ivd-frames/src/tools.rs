@@ -13,13 +13,16 @@ pub enum Tool {
     Pin,
     /// Cuts open along a line.
     Incise,
+    /// Measures along a line.
+    Measure,
     /// Brightness, contrast, colours.
     Brightness,
 }
 
 impl Tool {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Turn, Self::Handle, Self::Pin, Self::Incise, Self::Brightness];
+    pub const ALL: [Self; 6] =
+        [Self::Turn, Self::Handle, Self::Pin, Self::Incise, Self::Measure, Self::Brightness];
 
     /// Its name.
     pub fn word(self) -> &'static str {
@@ -28,6 +31,7 @@ impl Tool {
             Self::Handle => "Handle",
             Self::Pin => "Pin",
             Self::Incise => "Cut open",
+            Self::Measure => "Measure",
             Self::Brightness => "Brightness",
         }
     }
@@ -39,6 +43,7 @@ impl Tool {
             Self::Handle => "drag from a surface in any picture; wheel on a handle: its reach",
             Self::Pin => "press, in any picture, on what is to stay where it is",
             Self::Incise => "draw a line over the body, in any picture",
+            Self::Measure => "draw a line: its length; from a line's end: the angle",
             Self::Brightness => "drag over a picture: its contrast and brightness",
         }
     }
@@ -50,13 +55,14 @@ impl Tool {
             Self::Handle => 'h',
             Self::Pin => 'p',
             Self::Incise => 'i',
+            Self::Measure => 'm',
             Self::Brightness => 'b',
         }
     }
 }
 
 /// The keys and buttons that every window has: which, and what they do.
-pub const KEYS: [(&str, &str); 13] = [
+pub const KEYS: [(&str, &str); 14] = [
     ("Turn", "left: turn the volume, cross hair in slices"),
     ("middle, or Shift and left", "move the picture"),
     ("right, or the wheel", "zoom; in slices the wheel goes through them"),
@@ -69,8 +75,12 @@ pub const KEYS: [(&str, &str); 13] = [
         "Cut open",
         "left: draw a line over the body, in a slice or in the volume: it is cut open along it, straight away from you",
     ),
+    (
+        "Measure",
+        "left: draw a line, in a slice or between two places of the volume: its length; from an end of another line: the angle there; Esc gives up. It edits nothing",
+    ),
     ("Brightness", "left: in slices brightness and contrast, in the volume its colours"),
-    ("T, H, P, I, B", "tools"),
+    ("T, H, P, I, M, B", "tools"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     (
         "O, W",

@@ -25,6 +25,7 @@ enum Does {
     Handle,
     Pin,
     Incise,
+    Measure,
     Brightness,
     /// Moves the line that divides the pictures.
     Divide,
@@ -55,9 +56,10 @@ impl Hands {
         self.press.map(|press| press.pane)
     }
 
-    /// The line that is drawn in a pane to cut along.
+    /// The line that is drawn in a pane, to cut or to measure along.
     pub(crate) fn line(&self, pane: Pane) -> Option<[[f64; 2]; 2]> {
-        let press = self.press.filter(|press| press.pane == pane && press.does == Does::Incise)?;
+        let draws = |press: &Press| matches!(press.does, Does::Incise | Does::Measure);
+        let press = self.press.filter(|press| press.pane == pane && draws(press))?;
         Some([press.first, press.at])
     }
 
@@ -92,6 +94,7 @@ impl Hands {
             (Button::Left, Tool::Handle) => Does::Handle,
             (Button::Left, Tool::Pin) => Does::Pin,
             (Button::Left, Tool::Incise) => Does::Incise,
+            (Button::Left, Tool::Measure) => Does::Measure,
             (Button::Left, Tool::Brightness) => Does::Brightness,
         };
         self.press = Some(Press { pane, does, button, first: at, at });
@@ -122,7 +125,7 @@ impl Hands {
             Does::Brightness => Some(Request::Window { by }),
             Does::Handle => Some(Request::Drag { to: within, lock: self.lock }),
             Does::Divide => Some(Request::Compare { shows: Shows::Both, at: at[0].clamp(0.0, 1.0) }),
-            Does::Pan | Does::Zoom | Does::Pin | Does::Incise => None,
+            Does::Pan | Does::Zoom | Does::Pin | Does::Incise | Does::Measure => None,
         }
     }
 
@@ -131,9 +134,11 @@ impl Hands {
         let Some(press) = self.press.filter(|press| press.button == button) else { return Vec::new() };
         (self.press, self.lock) = (None, None);
         let mut requests = Vec::new();
-        if press.does == Does::Incise {
-            let [from, to] = [press.first, press.at].map(within);
-            requests.push(Request::Stroke { pane: press.pane, from, to });
+        let (pane, [from, to]) = (press.pane, [press.first, press.at].map(within));
+        match press.does {
+            Does::Incise => requests.push(Request::Stroke { pane, from, to }),
+            Does::Measure => requests.push(Request::Measure { pane, from, to }),
+            _ => {}
         }
         if press.does == Does::Handle {
             requests.push(Request::Drop);
@@ -254,6 +259,10 @@ mod tests {
         hands.pressed(Pane::Coronal, [0.2, 0.3], Button::Left, false, Tool::Incise);
         assert_eq!(hands.give_up(), None);
         assert!(hands.released(Button::Left, None).is_empty(), "Esc gives it up");
+        hands.pressed(Pane::Volume, [0.2, 0.3], Button::Left, false, Tool::Measure);
+        hands.moved([0.4, 0.5]);
+        let ruler = Request::Measure { pane: Pane::Volume, from: [0.2, 0.3], to: [0.4, 0.5] };
+        assert_eq!(hands.released(Button::Left, None), [ruler]);
     }
 
     #[test]

@@ -129,7 +129,7 @@ impl Window {
 }
 
 /// A place, as it is read.
-fn place(at: [f64; 3]) -> String {
+pub(crate) fn place(at: [f64; 3]) -> String {
     at.map(|c| format!("{c:.1}")).join(", ")
 }
 

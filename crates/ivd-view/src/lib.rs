@@ -28,6 +28,7 @@ mod over;
 mod pane;
 mod pending;
 mod received;
+mod rulers;
 mod run;
 mod shown;
 mod side;

@@ -64,6 +64,7 @@ impl Window {
         (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
         (self.wish, self.making) = (None, None);
+        self.ruler_from = None;
         self.asked = None;
         self.size = ([0; 2], 0.0, true);
         self.lost = false;

@@ -1,8 +1,9 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
-use ivd_frames::{Figures, Hovered, Overlay, Pane, Shows, Spot, Tool};
+use ivd_frames::{Figures, Hovered, Overlay, Pane, Ruler, Shows, Spot, Tool};
 
+use crate::rulers::{degrees, mm};
 use crate::shown::Shown;
 
 const CROSS: Color32 = Color32::from_rgba_premultiplied(63, 139, 106, 170);
@@ -10,6 +11,7 @@ const HANDLE: Color32 = Color32::from_rgb(255, 180, 84);
 const HELD: Color32 = Color32::from_rgb(255, 212, 121);
 const PIN: Color32 = Color32::from_rgb(108, 182, 255);
 const CUT: Color32 = Color32::from_rgb(245, 245, 245);
+const RULER: Color32 = Color32::from_rgb(190, 240, 110);
 const REST: Color32 = Color32::from_rgb(240, 160, 220);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
 const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
@@ -33,7 +35,7 @@ pub(crate) struct Over<'a> {
     pub(crate) tool: Tool,
     /// Whether the pointer is over a picture.
     pub(crate) pointed: bool,
-    /// The line that is drawn to cut along.
+    /// The line that is drawn, to cut or to measure along.
     pub(crate) line: Option<[[f64; 2]; 2]>,
 }
 
@@ -44,6 +46,7 @@ impl Over<'_> {
         if let Some(figures) = self.shown.figures() {
             self.spots(figures);
             self.cut(figures);
+            figures.rulers.iter().for_each(|ruler| self.ruler(figures, ruler));
             self.legend(figures);
             self.states(figures);
         }
@@ -144,9 +147,41 @@ impl Over<'_> {
         let (Some(line), Some(scale)) = (self.line, self.scale()) else { return };
         let [from, to] = line.map(|end| self.place(end));
         self.painter.line_segment([from, to], Stroke::new(4.0, Color32::BLACK.gamma_multiply(0.6)));
-        self.painter.line_segment([from, to], Stroke::new(2.0, CUT));
-        let length = format!("{:.0} mm", from.distance(to) / scale);
-        self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, CUT);
+        let measures = self.tool == Tool::Measure;
+        let colour = if measures { RULER } else { CUT };
+        self.painter.line_segment([from, to], Stroke::new(2.0, colour));
+        let length = f64::from(from.distance(to) / scale);
+        let length = match self.pane {
+            // Between two places of the volume it goes into depth, too.
+            Pane::Volume if measures => return,
+            _ if measures => format!("{length:.1} mm"),
+            _ => format!("{length:.0} mm"),
+        };
+        self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, colour);
+    }
+
+    /// A ruler with its lengths, and its angle where it has one.
+    fn ruler(&self, figures: &Figures, ruler: &Ruler) {
+        let number = self.pane.number();
+        let is_beside = |off: &[f64; 3]| number.checked_sub(1).is_some_and(|slice| off[slice].abs() > BESIDE);
+        // What doesn't lie in a slice is faint there.
+        let faint = ruler.off.iter().any(is_beside);
+        let colour = if faint { RULER.gamma_multiply(0.3) } else { RULER };
+        let ends: Option<Vec<Pos2>> = ruler.at.iter().map(|at| Some(self.place(at[number]?))).collect();
+        let Some(ends) = ends else { return };
+        for (leg, pair) in ends.windows(2).enumerate() {
+            let dark = Color32::BLACK.gamma_multiply(if faint { 0.2 } else { 0.6 });
+            self.painter.line_segment([pair[0], pair[1]], Stroke::new(4.0, dark));
+            self.painter.line_segment([pair[0], pair[1]], Stroke::new(1.5, colour));
+            let at = pair[0] + 0.5 * (pair[1] - pair[0]) + vec2(6.0, -4.0);
+            self.write(at, Align2::LEFT_BOTTOM, mm(figures, ruler, leg), LETTERS, colour);
+        }
+        for end in &ends {
+            self.ring(*end, 3.0, colour, 1.5);
+        }
+        if let Some(text) = degrees(figures, ruler) {
+            self.write(ends[1] + vec2(8.0, 6.0), Align2::LEFT_TOP, text, LETTERS, colour);
+        }
     }
 
     /// Says where the body is shown at rest, and draws the line that divides both.

@@ -27,6 +27,7 @@ impl Window {
                 ui.separator();
                 self.incision(ui, &figures);
                 ui.separator();
+                self.rulers(ui, &figures);
                 self.clips(ui, &figures);
                 ui.separator();
                 self.bones(ui, &figures);

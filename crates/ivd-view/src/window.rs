@@ -50,6 +50,8 @@ pub struct Window {
     pub(crate) before: Option<Before>,
     /// Of a new handle, as it is typed.
     pub(crate) place: String,
+    /// Where a ruler begins that is put by keyboard (mm, RAS).
+    pub(crate) ruler_from: Option<[f64; 3]>,
     /// Where a picture of the window goes, and from which pass on it is taken.
     pub(crate) photograph: Option<(PathBuf, u64)>,
     pub(crate) notes: Vec<String>,
@@ -85,6 +87,7 @@ impl Window {
             making: None,
             before: None,
             place: String::new(),
+            ruler_from: None,
             photograph: None,
             notes: Vec::new(),
             asked: None,

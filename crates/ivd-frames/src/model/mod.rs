@@ -7,6 +7,7 @@ mod looks;
 mod matter;
 mod parts;
 mod replay;
+mod rulers;
 mod stroke;
 mod told;
 
@@ -60,6 +61,9 @@ pub struct Model {
     along: Option<(u8, Vec<u16>)>,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
+    rulers: Vec<rulers::Places>,
+    /// Number of the next of them.
+    next_ruler: u32,
     /// Rise with every change of what a pane shows.
     versions: [u64; 4],
     exec: Exec,
@@ -123,6 +127,8 @@ impl Model {
             along: None,
             spots: Vec::new(),
             pins: Vec::new(),
+            rulers: Vec::new(),
+            next_ruler: 0,
             versions: [1; 4],
             exec,
             subject,
@@ -232,6 +238,9 @@ impl Model {
                 self.hovered = self.hover(*pane, *at)?;
                 Ok(())
             }
+            Request::Measure { pane, from, to } => self.measure(*pane, *from, *to),
+            Request::Ruler { ruler, places } => self.rule(*ruler, places),
+            Request::Unmeasure { ruler } => self.remove_ruler(*ruler),
             Request::Grab { pane, at } => self.grab(*pane, *at),
             Request::Drag { to, lock } => self.drag(*to, *lock),
             Request::Adjust => {
@@ -397,6 +406,7 @@ impl Model {
             self.touch(&Pane::ALL[1..]);
         }
         self.refused = None;
+        self.carry_rulers();
         self.find_spots()
     }
 

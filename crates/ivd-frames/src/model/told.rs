@@ -38,6 +38,7 @@ impl Figures {
             bones: settings.bones.iter().map(bone).collect(),
             space: settings.space.iter().map(|one| one.id).collect(),
             incision: model.incision(),
+            rulers: model.told_rulers(),
             clips: settings.clip.parts.iter().map(|one| Clipped { id: one.id, part: one.what }).collect(),
             clip_space: settings.clip.rule.space.unwrap_or(Lies::Deformed),
             extent: grid.extent(),

@@ -5,6 +5,7 @@ mod compared;
 mod gestures;
 mod hands;
 mod parts;
+mod rulers;
 mod scenes;
 mod scripts;
 mod service;

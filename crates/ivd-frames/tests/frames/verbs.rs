@@ -14,7 +14,7 @@ pub(crate) fn every(usual: usize) -> usize {
 }
 
 /// Verbs, by what they are called.
-pub(crate) const VERBS: [&str; 23] = [
+pub(crate) const VERBS: [&str; 24] = [
     "orbit",
     "pan",
     "zoom",
@@ -25,6 +25,7 @@ pub(crate) const VERBS: [&str; 23] = [
     "cross",
     "cut",
     "compare",
+    "measure",
     "hover",
     "drag",
     "wheel",
@@ -113,6 +114,10 @@ pub(crate) fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
             Request::Compare { shows: [Shows::Rest, Shows::Both][draw.below(2)], at: draw.unit() },
             Request::Pin { pane, at: place(draw) },
             Request::Compare { shows: Shows::Now, at: 0.5 },
+        ],
+        "measure" => vec![
+            Request::Measure { pane, from: place(draw), to: place(draw) },
+            Request::Unmeasure { ruler: draw.below(20) as u32 },
         ],
         "hover" => vec![Request::Hover { pane, at: place(draw) }],
         "wheel" => vec![Request::Wheel { steps: draw.below(5) as i32 - 2 }],

@@ -187,6 +187,9 @@ function listParts() {
     const what = part.box ? "box" : "plane";
     all.push({ text: `${what} ${id} that clips`, name: `Take ${what} ${id} away`, request: { do: "unclip", clip: id } });
   }
+  for (const one of figures.rulers) {
+    all.push({ text: `ruler ${one.id}: ${measured(one).join(", ")}, ${one.now.map((at) => at.map((c) => few(c, 1)).join(", ")).join(" – ")} mm`, name: `Remove ruler ${one.id}`, request: { do: "unmeasure", ruler: one.id } });
+  }
   const parts = JSON.stringify(all);
   if ($("parts").dataset.parts === parts) return;
   $("parts").dataset.parts = parts;
@@ -281,7 +284,7 @@ function over(context, name, number, place, scale, canvas) {
     ring(vertex, 3 * unit, "#fff"); ring(vertex, shown.radius * scale, "#ffffff55");
   }
   // The mouth of the cut while another may be drawn; the line that is drawn, with its length.
-  const drawn = press?.does === "incise" && press.name === name ? [press.first, press.at] : null;
+  const drawn = ["incise", "measure"].includes(press?.does) && press.name === name ? [press.first, press.at] : null;
   const mouth = drawn ?? (number && tool() === "incise" ? shown.incision?.at[number] : null);
   if (mouth) {
     const [from, to] = mouth.map(place);
@@ -289,8 +292,10 @@ function over(context, name, number, place, scale, canvas) {
     context.setLineDash(drawn ? [] : [5 * unit, 4 * unit]);
     context.beginPath(); context.moveTo(...from); context.lineTo(...to); context.stroke();
     context.setLineDash([]);
-    if (drawn) context.fillText(`${few(Math.hypot(to[0] - from[0], to[1] - from[1]) / scale, 0)} mm`, to[0] + 10 * unit, to[1] - 8 * unit);
+    // Between two places of the volume a ruler goes into depth, too.
+    if (drawn && (number || press.does === "incise")) context.fillText(`${few(Math.hypot(to[0] - from[0], to[1] - from[1]) / scale, 0)} mm`, to[0] + 10 * unit, to[1] - 8 * unit);
   }
+  rulers(context, number, place, unit);
   states(context, place, unit, canvas);
   context.fillStyle = "#dde";
   const letters = name === "volume" ? shown.letters : shown.slices[number - 1].letters;
@@ -316,6 +321,33 @@ function over(context, name, number, place, scale, canvas) {
   context.fillText(label, end - context.measureText(label).width, line - 4 * unit);
 }
 
+// The lengths of a ruler and its angle, as they are and where they differ as they were at rest.
+function measured(one) {
+  const told = (now, rest, unit) => {
+    const [a, b] = [now, rest].map((n) => few(n, 1) + unit);
+    return figures.compare.shows === "rest" ? b : a === b ? a : `${a} (at rest ${b})`;
+  };
+  const all = one.mm.map((length, leg) => told(length, one.rest_mm[leg], " mm"));
+  return one.degrees == null ? all : [...all, told(one.degrees, one.rest_degrees, "°")];
+}
+function rulers(context, number, place, unit) {
+  context.strokeStyle = context.fillStyle = "#bef06e";
+  for (const one of shown.rulers ?? []) {
+    const ends = one.at.map((at) => place(at[number]));
+    if (!ends.every(Boolean)) continue;
+    // What doesn't lie in a slice is faint there.
+    context.globalAlpha = number && one.off.some((off) => Math.abs(off[number - 1]) > 2) ? 0.3 : 1;
+    context.lineWidth = 1.5 * unit;
+    context.beginPath(); ends.forEach((end, i) => (i ? context.lineTo(...end) : context.moveTo(...end))); context.stroke();
+    const told = measured(one);
+    for (let leg = 0; leg < one.mm.length; leg++) {
+      const [a, b] = [ends[leg], ends[leg + 1]];
+      context.fillText(told[leg], (a[0] + b[0]) / 2 + 6 * unit, (a[1] + b[1]) / 2 - 4 * unit);
+    }
+    if (told[2]) context.fillText(told[2], ends[1][0] + 8 * unit, ends[1][1] + 16 * unit);
+  }
+  context.globalAlpha = 1;
+}
 // Says where the body is shown at rest, and draws the line that divides both.
 function states(context, place, unit, canvas) {
   const compare = shown.compare;
@@ -417,6 +449,7 @@ for (const name of panes) {
       case "window": return soon({ do: name === "volume" ? "transfer" : "window", by }, sum);
       case "divide": return soon({ do: "compare", shows: "both", at: Math.min(1, Math.max(0, at[0])) }, newest);
       case "handle": return soon({ do: "drag", to: within, lock }, newest);
+      case "measure":
       case "incise": return draw();
     }
   });
@@ -430,6 +463,10 @@ for (const name of panes) {
     if (press?.does === "incise") {
       const [from, to] = [press.first, press.at].map(named);
       now({ do: "stroke", pane: name, from, to });
+    }
+    if (press?.does === "measure") {
+      const [from, to] = [press.first, press.at].map(named);
+      now({ do: "measure", pane: name, from, to });
     }
     press = null; lock = null;
     draw();
@@ -472,7 +509,7 @@ addEventListener("keydown", (event) => {
   }
   if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
   if (press?.does === "handle" && "xyz".includes(key)) { lock = lock === key ? null : key; return; }
-  const tools = { t: "turn", h: "handle", p: "pin", i: "incise", b: "window" };
+  const tools = { t: "turn", h: "handle", p: "pin", i: "incise", m: "measure", b: "window" };
   if (tools[key]) document.querySelector(`input[name=tool][value=${tools[key]}]`).checked = true;
   const sides = { 1: "front", 3: "left", 7: "top" };
   if (sides[key]) now({ do: "look", side: sides[key] });

@@ -48,7 +48,7 @@ impl Draw {
     /// A request by its form, with hostile values.
     fn formed(&mut self) -> Json {
         let pane = ["volume", "axial", "coronal", "sagittal"][self.below(4)];
-        match self.below(28) {
+        match self.below(31) {
             0 => json!({ "do": "resize", "size": [32_768, 32_768] }),
             1 => json!({ "do": "orbit", "by": self.pair() }),
             2 => json!({ "do": "zoom", "factor": self.number(), "at": self.pair() }),
@@ -89,6 +89,12 @@ impl Draw {
                 let solver = ["ring", "springs", "body"][self.below(3)];
                 json!({ "do": "solver", "solver": solver })
             }
+            27 => json!({ "do": "measure", "pane": pane, "from": self.pair(), "to": self.pair() }),
+            28 => {
+                let places: Vec<Json> = (0..self.below(6)).map(|_| self.triple()).collect();
+                json!({ "do": "ruler", "ruler": self.below(3), "places": places })
+            }
+            29 => json!({ "do": "unmeasure", "ruler": self.below(70) }),
             26 => {
                 let shows = ["now", "rest", "both", "neither"][self.below(4)];
                 json!({ "do": "compare", "shows": shows, "at": self.number() })

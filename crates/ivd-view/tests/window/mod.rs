@@ -9,4 +9,5 @@ mod keyboard;
 mod names;
 mod opened;
 mod parts;
+mod rulers;
 mod screen;
