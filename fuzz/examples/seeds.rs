@@ -288,6 +288,7 @@ fn windows(seeds: &Path) -> Outcome {
         r#"{"do":"solver","solver":"springs"}"#,
         r#"{"do":"material","class":1,"stiffness":30}"#,
         r#"{"do":"level","level":1}"#,
+        r#"{"do":"depth","weight":"one"}"#,
         r#"{"do":"map","map":"biharmonic"}"#,
         r#"{"do":"incise","centre":[8,8,8],"normal":[1,0,0],"radius":5,"open":1}"#,
         r#"{"do":"stroke","pane":"axial","from":[0.3,0.5],"to":[0.7,0.4]}"#,

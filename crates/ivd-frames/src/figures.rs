@@ -1,6 +1,7 @@
 //! What is told beside the pictures.
 
 use ivd_field::lies::Lies;
+use ivd_map::DepthWeight;
 use ivd_render::Lens;
 use ivd_session::ClipPart;
 use serde::Serialize;
@@ -255,6 +256,8 @@ pub struct Figures {
     pub knows_classes: bool,
     /// How the voxels follow.
     pub map: &'static str,
+    /// How the motion fades with depth; `None` where that isn't chosen.
+    pub depth: Option<DepthWeight>,
     /// Largest motion of a voxel (mm).
     pub largest_mm: f64,
     /// Smallest proven lower bound of the determinant.

@@ -32,6 +32,7 @@ mod tools;
 pub use error::Error;
 pub use ivd_field::clip::{Cuboid, HalfSpace};
 pub use ivd_field::lies::Lies;
+pub use ivd_map::DepthWeight;
 pub use ivd_session::{ClipPart, Entry, Event};
 
 pub use compared::{Compared, Shows};
@@ -49,4 +50,4 @@ pub use save::File;
 pub use service::{Client, Frame, Output, Picture, Service};
 pub use source::{Opened, Source, demo_scene};
 pub use subject::{Subject, bare_scene};
-pub use tools::{KEYS, NOTICE, Tool};
+pub use tools::{KEYS, NOTICE, Tool, WEIGHTS};

@@ -2,6 +2,7 @@
 
 use ivd_field::clip::{Cuboid, HalfSpace};
 use ivd_field::lies::Lies;
+use ivd_map::DepthWeight;
 use ivd_render::Colour;
 use ivd_session::ClipPart;
 use serde::{Deserialize, Serialize};
@@ -403,6 +404,11 @@ pub enum Request {
         /// Which.
         map: MapName,
     },
+    /// How the motion fades with depth; only where voxels follow what is nearest.
+    Depth {
+        /// How.
+        weight: DepthWeight,
+    },
     /// Asks for something to keep.
     Save {
         /// What.
@@ -548,6 +554,7 @@ impl Request {
             | (Self::Solver { .. }, Self::Solver { .. })
             | (Self::Level { .. }, Self::Level { .. })
             | (Self::Map { .. }, Self::Map { .. })
+            | (Self::Depth { .. }, Self::Depth { .. })
             | (Self::Hover { .. }, Self::Hover { .. })
             | (Self::Compare { .. }, Self::Compare { .. })
             | (Self::Drag { .. }, Self::Drag { .. })

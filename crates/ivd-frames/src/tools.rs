@@ -1,6 +1,6 @@
 //! The tools, and what hands do with them, for whoever shows a window: one table for all of them.
 
-use crate::{MapName, Saved, SolverName};
+use crate::{DepthWeight, MapName, Saved, SolverName};
 
 /// What the left button does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -109,6 +109,14 @@ impl MapName {
         }
     }
 }
+
+/// How the motion fades with depth, with what that is called in a window.
+pub const WEIGHTS: [(DepthWeight, &str); 4] = [
+    (DepthWeight::Smooth, "smoothly"),
+    (DepthWeight::Linear, "evenly"),
+    (DepthWeight::Exponential, "soon"),
+    (DepthWeight::One, "not at all"),
+];
 
 impl SolverName {
     /// All of them.

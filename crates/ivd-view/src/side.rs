@@ -1,7 +1,7 @@
 //! The panel beside the pictures: what moves and how, classes, what was noted.
 
 use egui::{CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui};
-use ivd_frames::{Figures, MapName, Overlay, Pane, Request};
+use ivd_frames::{Figures, MapName, Overlay, Pane, Request, WEIGHTS};
 
 use crate::over::name;
 use crate::window::Window;
@@ -10,6 +10,8 @@ use crate::window::Window;
 const LEVELS: u8 = 8;
 /// Where stiffness shows.
 const STIFFNESS: &str = "Of springs. It shows where something is pulled with a force, or where matter differs: what is moved goes where the hand is, however stiff all of it is.";
+/// What fades.
+const FADES: &str = "How the motion fades from the surface inwards. Not at all: what is inside moves as the surface does, as far as the reach goes.";
 /// Stiffness that the slider ends at (N/m).
 const STIFFEST: f64 = 1e5;
 
@@ -95,6 +97,7 @@ impl Window {
             self.turned(&response, ("Level", level), request);
         }
         self.follow(ui, figures);
+        self.fades(ui, figures);
         self.compare(ui, figures);
         self.look_inside(ui, figures);
         self.colours_over(ui, figures);
@@ -113,6 +116,20 @@ impl Window {
                 }
             },
         );
+    }
+
+    /// How the motion fades with depth, where voxels follow what is nearest.
+    fn fades(&mut self, ui: &mut Ui, figures: &Figures) {
+        let Some(now) = figures.depth else { return };
+        let word = WEIGHTS.iter().find(|(weight, _)| *weight == now).map_or("", |(_, word)| word);
+        let choice = ComboBox::from_label("Fades with depth").selected_text(word).show_ui(ui, |ui| {
+            for (weight, word) in WEIGHTS {
+                if ui.selectable_label(weight == now, word).clicked() {
+                    self.ask(Request::Depth { weight });
+                }
+            }
+        });
+        choice.response.on_hover_text(FADES);
     }
 
     /// Where the volume's picture is open: nothing of the volume goes by it.

@@ -61,6 +61,7 @@ fn doing(request: &Request) -> &'static str {
         | Request::Material { .. }
         | Request::Solver { .. }
         | Request::Map { .. }
+        | Request::Depth { .. }
         | Request::Reset => "moving",
         Request::Incise { .. } | Request::Stroke { .. } | Request::Open { .. } => "cutting",
         Request::Close { .. } => "closing the cut",

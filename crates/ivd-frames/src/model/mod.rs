@@ -4,6 +4,7 @@ mod clips;
 mod compare;
 mod hand;
 mod looks;
+mod map;
 mod matter;
 mod parts;
 mod replay;
@@ -14,17 +15,16 @@ mod told;
 use std::time::{Duration, Instant};
 
 use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction};
-use ivd_map::{BiharmonicParams, OctreeParams};
 use ivd_motion::handles::{Action, Anchor, Handle, Pick, Pin, find_picks};
 use ivd_render::{Lens, View};
-use ivd_session::{Event, Id, MapChoice, Session, Settings, Update};
+use ivd_session::{Event, Id, Session, Settings, Update};
 use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Compared, Error, MapName, Overlay, Pane, Request, Shows, Subject};
+use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
 
@@ -321,9 +321,10 @@ impl Model {
                 self.apply(Event::Physics(matter::solver(*solver, known)))
             }
             Request::Map { map } => {
-                let map = chosen(*map, [&self.session.settings().map, &self.subject.settings.map]);
+                let map = map::chosen(*map, [&self.session.settings().map, &self.subject.settings.map]);
                 self.apply(Event::Map(map))
             }
+            Request::Depth { weight } => self.weigh_depth(*weight),
             Request::Save { .. } => Ok(()),
         }
     }
@@ -525,28 +526,6 @@ impl Model {
         self.find_classes();
         self.find_clipped();
         Figures::of(self)
-    }
-}
-
-/// The map of a name: as one of those known already has it, the first first, else in the band of the first.
-fn chosen(name: MapName, known: [&MapChoice; 2]) -> MapChoice {
-    let is = |map: &&&MapChoice| match name {
-        MapName::Octree => matches!(map, MapChoice::Octree(_)),
-        MapName::Biharmonic => matches!(map, MapChoice::Biharmonic(_)),
-    };
-    if let Some(same) = known.iter().find(is) {
-        return (*same).clone();
-    }
-    let band = match known[0] {
-        MapChoice::Octree(params) => params.band.clone(),
-        MapChoice::Biharmonic(params) => params.band.clone(),
-        MapChoice::Fem(params) => params.band.clone(),
-    };
-    match name {
-        MapName::Octree => MapChoice::Octree(OctreeParams { band, ..OctreeParams::default() }),
-        MapName::Biharmonic => {
-            MapChoice::Biharmonic(BiharmonicParams { band, ..BiharmonicParams::default() })
-        }
     }
 }
 

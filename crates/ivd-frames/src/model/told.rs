@@ -64,6 +64,7 @@ impl Figures {
             matter: model.matter(),
             knows_classes: model.subject.labels.is_some(),
             map,
+            depth: model.depth(),
             largest_mm: last.largest_mm,
             min_det_j: last.min_det_j,
             behind: last.misfit,

@@ -2,6 +2,7 @@
 
 mod common;
 mod compared;
+mod depth;
 mod gestures;
 mod hands;
 mod parts;

@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ivd_frames::{Axis, ClipPart, Cuboid, HalfSpace, Lies, MapName, Pane, Request, Shows, SolverName};
+use ivd_frames::{
+    Axis, ClipPart, Cuboid, HalfSpace, Lies, MapName, Pane, Request, Shows, SolverName, WEIGHTS,
+};
 use ivd_render::Side;
 
 use super::common::Draw;
@@ -131,7 +133,11 @@ pub(crate) fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
             Request::Material { class: 1, stiffness: 40.0 },
             Request::Stiffness { stiffness: 20.0 + 60.0 * draw.unit() },
         ],
-        "map" => vec![Request::Map { map: [MapName::Octree, MapName::Biharmonic][draw.below(2)] }],
+        // Where voxels follow smoothest there is no depth to be chosen.
+        "map" => vec![
+            Request::Depth { weight: WEIGHTS[draw.below(4)].0 },
+            Request::Map { map: [MapName::Octree, MapName::Biharmonic][draw.below(2)] },
+        ],
         // A cut that opens, one that changes, and one that closes.
         "incise" => {
             let centre = [0, 1, 2].map(|_| 16.0 + 6.0 * (draw.unit() - 0.5));

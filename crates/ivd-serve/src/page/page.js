@@ -109,6 +109,8 @@ function tell() {
     if (document.activeElement !== $(key)) $(key).value = key === "radius" ? Number(f[key].toPrecision(4)) : f[key];
   }
   if (document.activeElement !== $("cut")) $("cut").value = f.cut ?? "";
+  $("depth").disabled = !f.depth;
+  if (document.activeElement !== $("depth")) $("depth").value = f.depth ?? "";
   if (document.activeElement !== $("compare")) $("compare").value = f.compare.shows;
   listHandles();
 }
@@ -537,6 +539,7 @@ const number = (id, request) => $(id).addEventListener("change", () => {
 number("radius", (radius) => ({ do: "radius", handle: figures?.held ?? null, radius }));
 number("stiffness", (stiffness) => ({ do: "stiffness", stiffness }));
 number("level", (level) => ({ do: "level", level: Math.min(255, Math.max(0, Math.round(level))) }));
+$("depth").addEventListener("change", () => send({ do: "depth", weight: $("depth").value }));
 $("compare").addEventListener("change", () => send({ do: "compare", shows: $("compare").value, at: figures?.compare.at ?? 0.5 }));
 $("cut").addEventListener("change", () => send({ do: "cut", along: $("cut").value || null }));
 $("map").addEventListener("change", () => send({ do: "map", map: $("map").value }));

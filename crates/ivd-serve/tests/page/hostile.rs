@@ -48,7 +48,7 @@ impl Draw {
     /// A request by its form, with hostile values.
     fn formed(&mut self) -> Json {
         let pane = ["volume", "axial", "coronal", "sagittal"][self.below(4)];
-        match self.below(31) {
+        match self.below(32) {
             0 => json!({ "do": "resize", "size": [32_768, 32_768] }),
             1 => json!({ "do": "orbit", "by": self.pair() }),
             2 => json!({ "do": "zoom", "factor": self.number(), "at": self.pair() }),
@@ -93,6 +93,10 @@ impl Draw {
             28 => {
                 let places: Vec<Json> = (0..self.below(6)).map(|_| self.triple()).collect();
                 json!({ "do": "ruler", "ruler": self.below(3), "places": places })
+            }
+            30 => {
+                let weight = ["smooth", "linear", "exponential", "one", "two"][self.below(5)];
+                json!({ "do": "depth", "weight": weight })
             }
             29 => json!({ "do": "unmeasure", "ruler": self.below(70) }),
             26 => {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use egui::accesskit::Toggled;
 use egui::{Key, Pos2, vec2};
 use egui_kittest::kittest::{NodeT as _, Queryable as _};
-use ivd_frames::{ClipPart, HalfSpace, Tool};
+use ivd_frames::{ClipPart, DepthWeight, HalfSpace, Tool};
 
 use super::common::{BALL, Here, scene};
 use super::keyboard::{tab_to, typed};
@@ -254,4 +254,23 @@ fn the_tool_says_how_it_is_used() {
         here.harness.step();
         assert!(here.has(tool.hint()), "{tool:?}");
     }
+}
+
+#[test]
+fn how_the_motion_fades_is_chosen_where_voxels_follow_what_is_nearest() {
+    let mut here = Here::ball();
+    for (word, weight) in [("not at all", DepthWeight::One), ("evenly", DepthWeight::Linear)] {
+        here.press("Fades with depth");
+        here.harness.run_ok();
+        here.press(word);
+        here.told(word, |told| told.depth == Some(weight));
+        here.harness.run_ok();
+    }
+    here.press("Undo");
+    here.told("a step back", |told| told.depth == Some(DepthWeight::One) && told.undo.is_some());
+    here.press("Voxels follow");
+    here.harness.run_ok();
+    here.press("smoothest");
+    here.told("smoothest", |told| told.depth.is_none());
+    here.until("no choice", |here| !here.has("Fades with depth"));
 }
