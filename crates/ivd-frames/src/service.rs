@@ -48,7 +48,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    pub(crate) fn new(pane: Pane, version: u64, coarser: usize, image: Image) -> Self {
+    /// A picture of a pane.
+    pub fn new(pane: Pane, version: u64, coarser: usize, image: Image) -> Self {
         Self { pane, version, coarser, image, png: OnceLock::new() }
     }
 

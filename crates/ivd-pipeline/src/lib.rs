@@ -68,7 +68,9 @@ pub use frames::map_frame;
 pub use ivd_core::op::Slot;
 pub use left_over::{Before, LeftOver};
 pub use outputs::OutputFile;
-pub use pictures::{PICTURE_ENDINGS, check_pictures, png_bytes, quick_png_bytes};
+pub use pictures::{
+    ANIMATION_ENDINGS, PICTURE_ENDINGS, animation_bytes, check_pictures, png_bytes, quick_png_bytes,
+};
 pub use pipeline::{PipelineOptions, PipelineReport, default_out, run, run_controlled, run_node};
 pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, figures_of};
 pub use section::Section;

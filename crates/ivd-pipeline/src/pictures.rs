@@ -15,6 +15,8 @@ const SHOWN_S: [f64; 2] = [0.04, 0.5];
 
 /// Formats that pictures are written in.
 pub const PICTURE_ENDINGS: [&str; 4] = ["png", "apng", "gif", "exr"];
+/// Those that hold several, shown one after another.
+pub const ANIMATION_ENDINGS: [&str; 3] = ["gif", "apng", "png"];
 /// Whether a file of this ending is one for all frames of a motion.
 pub(crate) fn is_animation(path: &Path) -> bool {
     matches!(&*ending(path), "gif" | "apng")
@@ -42,7 +44,7 @@ const LIGHT: &str = "exr";
 pub(crate) fn bytes(path: &Path, image: &Image) -> Result<Vec<u8>, Error> {
     check_pictures(path, image.frames(), image.light().is_some())?;
     match &*ending(path) {
-        "gif" => gif_bytes(image),
+        "gif" => gif_bytes(image, &|_| hundredths(image)),
         LIGHT => exr_bytes(image),
         _ => png_bytes(image),
     }
@@ -70,12 +72,37 @@ pub fn check_pictures(path: &Path, frames: usize, has_light: bool) -> Result<(),
     Err(Error::usage("export", format!("{}: {problem}", path.display())))
 }
 
+/// Pictures that are shown for as long as each says, as a file's bytes in the format of its ending.
+///
+/// - `shown`: how long each picture is shown (s/100), shape `[frames]`.
+///
+/// # Errors
+/// A usage error for endings other than [`ANIMATION_ENDINGS`], and for other than one time for each picture; sizes that files don't have.
+pub fn animation_bytes(path: &Path, image: &Image, shown: &[u16]) -> Result<Vec<u8>, Error> {
+    let ending = ending(path);
+    if !ANIMATION_ENDINGS.contains(&&*ending) {
+        let all = ANIMATION_ENDINGS.join(", .");
+        let problem = format!("{}: moving pictures are written as .{all}, not as .{ending}", path.display());
+        return Err(Error::usage("export", problem));
+    }
+    if shown.len() != image.frames() {
+        let problem = format!("{} times for {} pictures", shown.len(), image.frames());
+        return Err(Error::usage("export", problem));
+    }
+    let shown = |frame: usize| shown[frame];
+    if ending == "gif" {
+        gif_bytes(image, &shown)
+    } else {
+        encoded(image, png::Compression::default(), &shown)
+    }
+}
+
 /// A picture as a PNG file's bytes; several as an animated one.
 ///
 /// # Errors
 /// A size that PNG files don't have.
 pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    encoded(image, png::Compression::default())
+    encoded(image, png::Compression::default(), &|_| hundredths(image))
 }
 
 /// The same, soon made rather than small: for pictures that are looked at once.
@@ -83,10 +110,13 @@ pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
 /// # Errors
 /// As [`png_bytes`].
 pub fn quick_png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    encoded(image, png::Compression::Fastest)
+    encoded(image, png::Compression::Fastest, &|_| hundredths(image))
 }
 
-fn encoded(image: &Image, compression: png::Compression) -> Result<Vec<u8>, Error> {
+/// How long a frame is shown (s/100).
+type Shown<'a> = &'a (dyn Fn(usize) -> u16 + Sync);
+
+fn encoded(image: &Image, compression: png::Compression, shown: Shown<'_>) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width() as u32, image.height() as u32);
     encoder.set_color(png::ColorType::Rgba);
@@ -94,10 +124,12 @@ fn encoded(image: &Image, compression: png::Compression) -> Result<Vec<u8>, Erro
     encoder.set_compression(compression);
     if image.frames() > 1 {
         encoder.set_animated(image.frames() as u32, 0).map_err(failed)?;
-        encoder.set_frame_delay(hundredths(image), 100).map_err(failed)?;
     }
     let mut writer = encoder.write_header().map_err(failed)?;
-    for pixels in image.rgba().chunks_exact(4 * image.width() * image.height()) {
+    for (frame, pixels) in image.rgba().chunks_exact(4 * image.width() * image.height()).enumerate() {
+        if image.frames() > 1 {
+            writer.set_frame_delay(shown(frame), 100).map_err(failed)?;
+        }
         writer.write_image_data(pixels).map_err(failed)?;
     }
     writer.finish().map_err(failed)?;
@@ -111,7 +143,7 @@ fn hundredths(image: &Image) -> u16 {
 }
 
 /// Pictures as a GIF file's bytes, each with 256 colours of its own, that begin anew after the last.
-fn gif_bytes(image: &Image) -> Result<Vec<u8>, Error> {
+fn gif_bytes(image: &Image, shown: Shown<'_>) -> Result<Vec<u8>, Error> {
     /// Of every tenth pixel colours are chosen.
     const SPEED: i32 = 10;
     /// Frames that are held in both forms.
@@ -123,14 +155,14 @@ fn gif_bytes(image: &Image) -> Result<Vec<u8>, Error> {
         u16::try_from(length).map_err(|_| Error::usage("export", told()))
     };
     let (width, height) = (side(image.width())?, side(image.height())?);
-    let encoded = |pixels: &[u8]| {
+    let encoded = |(number, pixels): (usize, &[u8])| {
         // A pixel is seen or it isn't: half of it decides.
         let mut pixels = pixels.to_vec();
         for pixel in pixels.chunks_exact_mut(4) {
             pixel[3] = if pixel[3] < 128 { 0 } else { 255 };
         }
         let mut frame = gif::Frame::from_rgba_speed(width, height, &mut pixels, SPEED);
-        frame.delay = hundredths(image);
+        frame.delay = shown(number);
         frame.dispose = gif::DisposalMethod::Background;
         frame
     };
@@ -140,8 +172,9 @@ fn gif_bytes(image: &Image) -> Result<Vec<u8>, Error> {
         encoder.set_repeat(gif::Repeat::Infinite).map_err(failed)?;
     }
     let length = 4 * image.width() * image.height();
-    for some in image.rgba().chunks(length * AT_ONCE) {
-        for frame in some.par_chunks_exact(length).map(encoded).collect::<Vec<_>>() {
+    for (first, some) in (0..).step_by(AT_ONCE).zip(image.rgba().chunks(length * AT_ONCE)) {
+        let numbered = some.par_chunks_exact(length).enumerate().map(|(i, pixels)| (first + i, pixels));
+        for frame in numbered.map(encoded).collect::<Vec<_>>() {
             encoder.write_frame(&frame).map_err(failed)?;
         }
     }
@@ -200,7 +233,7 @@ mod tests {
 
     #[test]
     fn a_gif_has_all_frames_in_their_colours() {
-        let bytes = gif_bytes(&turn()).unwrap();
+        let bytes = bytes(Path::new("turn.gif"), &turn()).unwrap();
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);
         let mut decoder = options.read_info(Cursor::new(bytes)).unwrap();
@@ -210,6 +243,25 @@ mod tests {
         }
         assert!(decoder.read_next_frame().unwrap().is_none());
         assert_eq!(decoder.repeat(), gif::Repeat::Infinite);
+    }
+
+    #[test]
+    fn what_is_recorded_has_its_own_times() {
+        let shown = [7, 200, 2];
+        let png = animation_bytes(Path::new("a.apng"), &turn(), &shown).unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(png)).read_info().unwrap();
+        let gif = animation_bytes(Path::new("a.gif"), &turn(), &shown).unwrap();
+        let mut decoder = gif::DecodeOptions::new().read_info(Cursor::new(gif)).unwrap();
+        for delay in shown {
+            let mut pixels = vec![0; 48];
+            reader.next_frame(&mut pixels).unwrap();
+            let control = reader.info().frame_control().unwrap();
+            assert_eq!((control.delay_num, control.delay_den), (delay, 100));
+            assert_eq!(decoder.read_next_frame().unwrap().unwrap().delay, delay);
+        }
+        for (path, shown) in [("a.gif", &shown[..2]), ("a.exr", &shown), ("a", &shown)] {
+            assert!(animation_bytes(Path::new(path), &turn(), shown).is_err(), "{path}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use ivd_frames::{Pane, Request, Saved, Shows, Tool};
 use ivd_render::Side;
 
 use crate::dialogs::Dialog;
+use crate::files::Keeps;
 use crate::keys;
 use crate::layout::Layout;
 use crate::over::name;
@@ -22,7 +23,7 @@ const SIDES: [(&str, Side); 6] = [
 ];
 
 /// A button of a menu.
-fn item(ui: &mut Ui, is_there: bool, text: &str, keys: Option<&KeyboardShortcut>) -> bool {
+pub(crate) fn item(ui: &mut Ui, is_there: bool, text: &str, keys: Option<&KeyboardShortcut>) -> bool {
     let button = Button::new(text);
     let button = match keys {
         Some(keys) => button.shortcut_text(ui.ctx().format_shortcut(keys)),
@@ -105,8 +106,9 @@ impl Window {
             }
         }
         if item(ui, self.work.is_some(), "Screenshot of the window …", None) {
-            self.ask_for(Purpose::Keep(None), ui.ctx());
+            self.ask_for(Purpose::Keep(Keeps::Window), ui.ctx());
         }
+        self.record_menu(ui);
         ui.separator();
         if item(ui, self.work.is_some(), "Close", None) {
             self.close(ui.ctx());

@@ -6,6 +6,7 @@ use egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
 use ivd_frames::{KEYS, Missed, Request, Saved, Source};
 
 use crate::again::Before;
+use crate::files::Keeps;
 use crate::journal::Left;
 use crate::keys::OWN;
 use crate::run::source;
@@ -19,14 +20,16 @@ pub(crate) enum Dialog {
     Open { path: String },
     /// Whether the deformed volume is kept without what planes and boxes take away.
     Export { without: bool },
-    /// Where to keep something; `None` for a picture of the window.
-    Keep { what: Option<Saved>, path: String, replace: bool },
+    /// Where to keep something.
+    Keep { what: Keeps, path: String, replace: bool },
     /// What would be lost.
     Unsaved(Then),
     /// Whether to go on from a log that was left over.
     Recover { left: Left, source: Source },
     /// What couldn't be done again where the same was made otherwise.
     Missed { missed: Vec<Missed>, before: Before },
+    /// What was recorded would be lost.
+    Recorded,
     /// What hands and keys do.
     Keys,
     /// Something went wrong.
@@ -75,13 +78,13 @@ impl Window {
             Dialog::Open { path } => self.open(source(Path::new(path.trim())), context),
             Dialog::Export { without } => {
                 let what = if without { Saved::Volume } else { Saved::Whole };
-                self.ask_for(Purpose::Keep(Some(what)), context);
+                self.ask_for(Purpose::Keep(Keeps::Asked(what)), context);
             }
             Dialog::Keep { what, path, replace } => {
                 self.keep(what, PathBuf::from(path.trim()), replace, context);
             }
             Dialog::Unsaved(then) => {
-                self.ask_for(Purpose::Keep(Some(Saved::Scene)), context);
+                self.ask_for(Purpose::Keep(Keeps::Asked(Saved::Scene)), context);
                 self.waits = Some(then);
             }
             Dialog::Recover { left, .. } => {
@@ -89,6 +92,7 @@ impl Window {
                 self.begin(&Source { file, input, overrides: Vec::new() }, Begins::Left(left), context);
             }
             Dialog::Missed { before, .. } => self.as_it_was(before, context),
+            Dialog::Recorded => self.record(context),
             Dialog::Keys | Dialog::Problem { .. } => {}
         }
     }
@@ -99,6 +103,10 @@ impl Window {
             Dialog::Recover { left, source } => {
                 left.remove();
                 self.begin(&source, Begins::Anew, context);
+            }
+            Dialog::Recorded => {
+                self.recording = None;
+                context.send_viewport_cmd(ViewportCommand::Close);
             }
             _ => {}
         }
@@ -123,7 +131,7 @@ impl Window {
         if what == Saved::Volume && clips > 0 {
             self.dialog = Some(Dialog::Export { without: true });
         } else {
-            self.ask_for(Purpose::Keep(Some(what)), context);
+            self.ask_for(Purpose::Keep(Keeps::Asked(what)), context);
         }
     }
 
@@ -135,7 +143,7 @@ impl Window {
                 Dialog::Open { path: folder.unwrap_or_default() }
             }
             Purpose::Keep(what) => {
-                let path = self.offered(what.map_or("window.png", Saved::name));
+                let path = self.offered(what.name());
                 Dialog::Keep { what, path, replace: false }
             }
         });
@@ -150,21 +158,26 @@ impl Window {
     }
 
     /// Keeps something there; what is there already is asked about once.
-    pub(crate) fn keep(&mut self, what: Option<Saved>, path: PathBuf, replace: bool, context: &Context) {
+    pub(crate) fn keep(&mut self, what: Keeps, path: PathBuf, replace: bool, context: &Context) {
         if path.exists() && !replace {
             let path = path.display().to_string();
             self.dialog = Some(Dialog::Keep { what, path, replace: true });
             return;
         }
+        if what == Keeps::Recording {
+            self.keep_recording(path, context);
+            return;
+        }
         let Some(work) = &self.work else { return };
         self.layout.folder = path.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
         match what {
-            Some(what) => {
+            Keeps::Asked(what) => {
                 work.shared.keeping.expect(what, path, work.scan.clone());
                 self.ask(Request::Save { what });
             }
             // Taken when the dialog is gone.
-            None => self.photograph = Some((path, context.cumulative_pass_nr() + 2)),
+            Keeps::Window => self.photograph = Some((path, context.cumulative_pass_nr() + 2)),
+            Keeps::Recording => {}
         }
     }
 }
@@ -181,6 +194,7 @@ impl Dialog {
             Self::Problem { .. } => 6,
             Self::Missed { .. } => 7,
             Self::Export { .. } => 8,
+            Self::Recorded => 9,
         }
     }
 
@@ -197,7 +211,7 @@ impl Dialog {
                 choice(ui, "Choose a place …", None)
             }
             Self::Keep { what, path, replace } => {
-                ui.heading(format!("Save {}", what.map_or("a picture of the window", Saved::word)));
+                ui.heading(format!("Save {}", what.word()));
                 if *replace {
                     ui.label("A file of this name is there already.");
                 }
@@ -223,6 +237,10 @@ impl Dialog {
                     }
                 });
                 choice(ui, "Go back to how it was made", Some("Go on without"))
+            }
+            Self::Recorded => {
+                ui.heading("What was recorded is not kept");
+                choice(ui, "Keep the recording …", Some("Throw it away"))
             }
             Self::Keys => {
                 ui.heading("What hands and keys do");

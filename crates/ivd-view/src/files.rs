@@ -10,6 +10,37 @@ use ivd_frames::{File, Saved};
 
 use crate::inbox::Shared;
 
+/// What is kept in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Keeps {
+    /// What the service makes.
+    Asked(Saved),
+    /// A picture of the window.
+    Window,
+    /// What was recorded.
+    Recording,
+}
+
+impl Keeps {
+    /// How it is called.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Asked(what) => what.word(),
+            Self::Window => "a picture of the window",
+            Self::Recording => "the recording",
+        }
+    }
+
+    /// What its file may be called.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Asked(what) => what.name(),
+            Self::Window => "window.png",
+            Self::Recording => "recording.gif",
+        }
+    }
+}
+
 /// Where what was asked for is to be written.
 #[derive(Default)]
 pub(crate) struct Keeping(Mutex<Vec<(Saved, PathBuf, Option<PathBuf>)>>);
@@ -49,7 +80,7 @@ fn beside(scan: &Path, file: &Path) -> PathBuf {
     scan.strip_prefix(&folder).map_or_else(|_| name(), Path::to_owned)
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let failed = |tried: &'static str, error: std::io::Error| {
         format!("{}: {tried}: {error}; choose another place", path.display())
     };
@@ -64,7 +95,7 @@ pub(crate) fn screenshot(context: &Context, shared: Shared, path: PathBuf) {
         let write = move || {
             let kept = png(&image).and_then(|bytes| write(&path, &bytes));
             let kept = kept.map(|()| path.display().to_string());
-            shared.locked().kept.push_back((None, kept));
+            shared.locked().kept.push_back((Keeps::Window, kept));
             shared.context.request_repaint();
         };
         let _ = std::thread::Builder::new().name("screenshot".to_owned()).spawn(write);

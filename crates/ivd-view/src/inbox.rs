@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use egui::Context;
 use ivd_core::{Exec, Observer};
-use ivd_frames::{Entry, Error, File, Frame, Log, Output, Saved, Scan};
+use ivd_frames::{Entry, Error, File, Frame, Log, Output, Scan};
 
-use crate::files::Keeping;
+use crate::files::{Keeping, Keeps};
 use crate::work::AGAIN;
 
 /// Progress is shown so often.
@@ -29,8 +29,8 @@ pub(crate) struct Inbox {
     painted: Option<Instant>,
     pub(crate) notes: VecDeque<String>,
     pub(crate) problems: VecDeque<String>,
-    /// What was written where, or why not; nothing for a picture of the window.
-    pub(crate) kept: VecDeque<(Option<Saved>, Result<String, String>)>,
+    /// What was written where, or why not.
+    pub(crate) kept: VecDeque<(Keeps, Result<String, String>)>,
     /// What was done, to make the same again; or why that isn't known.
     pub(crate) done_before: Option<Result<Vec<Entry>, String>>,
     pub(crate) failed: Option<Arc<Error>>,
@@ -68,7 +68,7 @@ impl Shared {
             Output::File(_, file) => {
                 let what = file.what;
                 let kept = self.keeping.write(&file);
-                self.locked().kept.push_back((Some(what), kept));
+                self.locked().kept.push_back((Keeps::Asked(what), kept));
             }
             Output::Problem(_, text) => self.locked().problems.push_back(text),
             Output::Failed(error) => self.locked().failed = Some(error),

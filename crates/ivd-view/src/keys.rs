@@ -6,12 +6,14 @@ use ivd_render::Side;
 
 use crate::bar::quit;
 use crate::dialogs::Dialog;
+use crate::files::Keeps;
 use crate::system::Purpose;
 use crate::window::Window;
 
 pub(crate) const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
 pub(crate) const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
 pub(crate) const QUIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Q);
+pub(crate) const RECORD: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::R);
 pub(crate) const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
 pub(crate) const REDO: KeyboardShortcut =
     KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
@@ -20,8 +22,9 @@ pub(crate) const BOTH: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE,
 const REDO_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Y);
 
 /// Keys and buttons that this window has beside those of every window.
-pub(crate) const OWN: [(&str, &str); 5] = [
+pub(crate) const OWN: [(&str, &str); 6] = [
     ("Ctrl+O, Ctrl+S, Ctrl+Q", "open, save the scene, quit"),
+    ("Ctrl+R", "record the volume's picture; again: stop, and keep it"),
     ("double click, with the tool Turn", "one picture alone; again: all of them"),
     ("Tab", "to the next part of the window; Space or Enter presses it"),
     ("Ctrl++, Ctrl+-", "larger and smaller letters"),
@@ -48,7 +51,10 @@ impl Window {
             self.ask_for(Purpose::Open { folder: false }, context);
         }
         if shortcut(&SAVE) && self.work.is_some() {
-            self.ask_for(Purpose::Keep(Some(Saved::Scene)), context);
+            self.ask_for(Purpose::Keep(Keeps::Asked(Saved::Scene)), context);
+        }
+        if shortcut(&RECORD) {
+            self.record(context);
         }
         if shortcut(&QUIT) {
             quit(context);

@@ -28,6 +28,7 @@ mod over;
 mod pane;
 mod pending;
 mod received;
+mod record;
 mod rulers;
 mod run;
 mod shown;

@@ -98,6 +98,9 @@ impl Window {
         if self.is_unsaved() {
             context.send_viewport_cmd(ViewportCommand::CancelClose);
             self.dialog = Some(Dialog::Unsaved(Then::Quit));
+        } else if self.recording.is_some() {
+            context.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.dialog = Some(Dialog::Recorded);
         }
     }
 }

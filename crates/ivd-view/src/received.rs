@@ -7,6 +7,7 @@ use ivd_core::{Classified as _, ErrorClass};
 use ivd_frames::Saved;
 
 use crate::dialogs::Dialog;
+use crate::files::Keeps;
 use crate::window::Window;
 
 /// A problem is told for so long (s).
@@ -53,6 +54,7 @@ impl Window {
             self.asked = None;
             self.missed(&frame.figures);
             self.pending.shown(&frame.figures);
+            self.recorded(&frame.pictures[0]);
             self.shown.frame(frame, context);
         }
         for problem in problems {
@@ -72,16 +74,19 @@ impl Window {
         }
     }
 
-    fn kept(&mut self, what: Option<Saved>, kept: Result<String, String>, context: &Context) {
-        let is_scene = what == Some(Saved::Scene);
+    pub(crate) fn kept(&mut self, what: Keeps, kept: Result<String, String>, context: &Context) {
+        let is_scene = what == Keeps::Asked(Saved::Scene);
         self.lost = (self.lost && !is_scene) || (is_scene && kept.is_err());
+        if what == Keeps::Recording && kept.is_ok() {
+            self.recording.take_if(|recording| !recording.goes_on());
+        }
         match kept {
             Ok(place) => {
                 self.notes.push(format!("written: {place}"));
                 let clips = self.shown.figures().map_or(0, |figures| figures.clips.len());
                 let without = match clips {
-                    1 if what == Some(Saved::Volume) => ", without what the plane or box takes away",
-                    2.. if what == Some(Saved::Volume) => ", without what planes and boxes take away",
+                    1 if what == Keeps::Asked(Saved::Volume) => ", without what the plane or box takes away",
+                    2.. if what == Keeps::Asked(Saved::Volume) => ", without what planes and boxes take away",
                     _ => "",
                 };
                 let text = format!("Written: {place}{without}");

@@ -59,6 +59,14 @@ impl Shown {
         self.textures[pane.number()].as_ref().map(|(.., handle)| handle)
     }
 
+    /// The volume's picture, once there are frames.
+    pub(crate) fn volume_picture(&self) -> Option<&Arc<Picture>> {
+        match &self.told {
+            Told::Frame(frame) => Some(&frame.pictures[0]),
+            Told::Scan(_) | Told::Nothing => None,
+        }
+    }
+
     /// Whether the volume's picture is as fine as it gets.
     pub(crate) fn is_whole(&self) -> bool {
         self.textures[0].as_ref().is_some_and(|(_, coarser, _)| *coarser == 1)

@@ -21,7 +21,8 @@ impl Window {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                    let text = [works, self.under_the_pointer(), self.shown.figures().map(told)];
+                    let text =
+                        [works, self.records(), self.under_the_pointer(), self.shown.figures().map(told)];
                     let text: Vec<String> = text.into_iter().flatten().collect();
                     let text = if text.is_empty() { self.goes_on() } else { text.join(" · ") };
                     ui.add(egui::Label::new(text).truncate()).on_hover_text(DET_J);

@@ -8,8 +8,8 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
 use egui::Context;
-use ivd_frames::Saved;
 
+use crate::files::Keeps;
 use crate::run::source;
 use crate::window::Window;
 
@@ -100,11 +100,8 @@ fn path(handle: impl Future<Output = Option<rfd::FileHandle>> + Send + 'static) 
 /// What is done with a path.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Purpose {
-    Open {
-        folder: bool,
-    },
-    /// `None` for a picture of the window.
-    Keep(Option<Saved>),
+    Open { folder: bool },
+    Keep(Keeps),
 }
 
 /// A dialog of the system that is shown.
@@ -124,9 +121,8 @@ impl Window {
                 Wanted { title: title.to_owned(), kind, at: self.layout.folder.clone().unwrap_or_default() }
             }
             Purpose::Keep(what) => {
-                let word = what.map_or("a picture of the window", Saved::word);
-                let at = self.offered(what.map_or("window.png", Saved::name)).into();
-                Wanted { title: format!("Save {word}"), kind: Kind::New, at }
+                let at = self.offered(what.name()).into();
+                Wanted { title: format!("Save {}", what.word()), kind: Kind::New, at }
             }
         };
         let again = self.chooses.take().is_some();

@@ -12,6 +12,7 @@ use crate::made::Wish;
 use crate::pane::{fitted, places};
 use crate::pending::Pending;
 use crate::received::Word;
+use crate::record::Recording;
 use crate::run::Options;
 use crate::shown::Shown;
 use crate::system::{Asked, Purpose};
@@ -54,6 +55,8 @@ pub struct Window {
     pub(crate) ruler_from: Option<[f64; 3]>,
     /// Where a picture of the window goes, and from which pass on it is taken.
     pub(crate) photograph: Option<(PathBuf, u64)>,
+    /// What is recorded, or was and isn't kept yet.
+    pub(crate) recording: Option<Recording>,
     pub(crate) notes: Vec<String>,
     /// What an answer is waited for to, and since when.
     pub(crate) asked: Option<Waits>,
@@ -89,6 +92,7 @@ impl Window {
             place: String::new(),
             ruler_from: None,
             photograph: None,
+            recording: None,
             notes: Vec::new(),
             asked: None,
             word: None,

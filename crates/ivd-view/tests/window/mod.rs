@@ -9,5 +9,6 @@ mod keyboard;
 mod names;
 mod opened;
 mod parts;
+mod recorded;
 mod rulers;
 mod screen;
