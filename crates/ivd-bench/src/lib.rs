@@ -49,7 +49,9 @@ pub use compare::{Change, Comparison, compare};
 pub use error::Error;
 pub use experiment::{Experiment, Knobs, Problem, Score, Scored, Setting, Work};
 pub use front::fronts;
-pub use interactive::{Drag, FrameBench, FrameCost, InteractiveBench, interactive, interactive_page};
+pub use interactive::{
+    Drag, FrameBench, FrameCost, InteractiveBench, followed, interactive, interactive_page,
+};
 pub use page::page;
 pub use rates::rates;
 pub use record::{Bench, Point, StageBench};

@@ -92,7 +92,8 @@ impl Preview {
     pub(crate) fn new(volume: Volume, exec: &Exec) -> Self {
         let window = Window::of(&volume);
         let planes = Planes::new(volume.grid());
-        let exec = exec.clone();
+        // On threads of its own: those of what is opened are busy with that, for long at a time.
+        let exec = exec.clone().with_threads(exec.threads());
         Self { volume, planes, window, first: window, hovered: None, versions: [1; 3], turned: None, exec }
     }
 

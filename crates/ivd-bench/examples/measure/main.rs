@@ -5,6 +5,7 @@
 
 mod anything;
 mod drag;
+mod frames;
 mod kernels;
 mod kmvs_spatial;
 mod meshes;
@@ -25,8 +26,9 @@ use anything::Anything;
 type Program = fn(&[String]) -> Anything<()>;
 
 /// Name, how it is called, and what runs.
-const PROGRAMS: [(&str, &str, Program); 13] = [
+const PROGRAMS: [(&str, &str, Program); 14] = [
     ("drag", drag::USAGE, drag::run),
+    ("frames", frames::USAGE, frames::run),
     ("kernels", kernels::USAGE, kernels::run),
     ("kmvs-spatial", kmvs_spatial::USAGE, kmvs_spatial::run),
     ("meshes", meshes::USAGE, meshes::run),

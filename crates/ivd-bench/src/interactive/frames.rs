@@ -67,7 +67,10 @@ pub struct FrameBench {
 ///
 /// - `source`: a scan or a scene.
 /// - `count`: events.
-pub(super) fn followed(source: &Source, count: usize, exec: &Exec) -> Result<FrameBench, Problem> {
+///
+/// # Errors
+/// What can't be opened, or where nothing is seen near the lattice.
+pub fn followed(source: &Source, count: usize, exec: &Exec) -> Result<FrameBench, Problem> {
     let load = load();
     let start = Instant::now();
     let opened = source.read()?;

@@ -22,7 +22,7 @@ use ivd_session::{Event, Physics, Session, Settings};
 use nalgebra::Vector3;
 use serde::Serialize;
 
-pub use frames::FrameBench;
+pub use frames::{FrameBench, followed};
 pub use page::interactive_page;
 
 use crate::experiment::Problem;
