@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ivd_core::{Exec, TransferFunction, Volume, VoxelCoord};
+use ivd_core::{Exec, NoObserver, TransferFunction, Volume, VoxelCoord};
 use ivd_render::{Lens, RenderParams};
 
 use crate::colours::Window;
@@ -84,6 +84,8 @@ pub(crate) struct Preview {
     first: Window,
     hovered: Option<Hovered>,
     versions: [u64; 3],
+    /// Of the volume's pane, where somebody has said it.
+    size: Option<[usize; 2]>,
     turned: Option<Turned>,
     exec: Exec,
 }
@@ -93,14 +95,25 @@ impl Preview {
         let window = Window::of(&volume);
         let planes = Planes::new(volume.grid());
         // On threads of its own: those of what is opened are busy with that, for long at a time.
-        let exec = exec.clone().with_threads(exec.threads());
-        Self { volume, planes, window, first: window, hovered: None, versions: [1; 3], turned: None, exec }
+        // Nobody waits for what they do.
+        let exec = exec.clone().with_threads(exec.threads()).with_observer(Arc::new(NoObserver));
+        Self {
+            volume,
+            planes,
+            window,
+            first: window,
+            hovered: None,
+            versions: [1; 3],
+            size: None,
+            turned: None,
+            exec,
+        }
     }
 
     /// The volume can be drawn.
     pub(crate) fn show_volume(&mut self, seen: AtRest) -> Result<(), Error> {
         let AtRest { volume, transfer, picture } = seen;
-        let panes = Panes::new(&volume, transfer.as_ref(), &picture, SIZE, &self.exec)?;
+        let panes = Panes::new(&volume, transfer.as_ref(), &picture, self.size.unwrap_or(SIZE), &self.exec)?;
         let lens = panes.lens(volume.grid())?;
         self.turned = Some(Turned { volume, transfer, panes, lens, version: 1 });
         Ok(())
@@ -112,7 +125,7 @@ impl Preview {
         match request {
             Request::Slice { pane, .. } => *pane != Pane::Volume,
             Request::Cross { pane, .. } | Request::Hover { pane, .. } => sees(pane),
-            Request::Window { .. } | Request::ResetColours => true,
+            Request::Window { .. } | Request::ResetColours | Request::Resize { .. } => true,
             request => self.turned.is_some() && request.turns_camera(),
         }
     }
@@ -155,6 +168,9 @@ impl Preview {
                 });
             }
             camera => {
+                if let Request::Resize { size } = camera {
+                    self.size = Some(*size);
+                }
                 if let Some(turned) = &mut self.turned {
                     let grid = turned.volume.grid();
                     if turned.panes.turn(grid, &turned.lens, camera) {
@@ -237,8 +253,8 @@ impl Preview {
 
     /// Lets a model show what was shown last.
     pub(crate) fn hand_over(self, model: &mut Model) -> Result<(), Error> {
-        let camera = self.turned.map(|turned| (turned.panes.view, turned.panes.size));
-        model.show_as(self.planes.cross, self.window, camera)
+        let view = self.turned.and_then(|turned| turned.panes.turned());
+        model.show_as(self.planes.cross, self.window, view, self.size)
     }
 }
 
@@ -256,9 +272,18 @@ impl Request {
         )
     }
 
-    /// Whether it must wait behind another that waits: what hands do goes by what they see then.
+    /// Whether it must wait behind another that waits: what hands do goes by what they saw then.
     pub(crate) fn is_behind(&self, other: &Self) -> bool {
-        !other.turns_camera() || self.turns_camera()
+        let goes_by_what_is_seen = matches!(
+            other,
+            Self::Grab { .. }
+                | Self::Drag { .. }
+                | Self::Pin { .. }
+                | Self::Stroke { .. }
+                | Self::ClipHere { .. }
+                | Self::Cross { .. }
+        );
+        goes_by_what_is_seen || (self.turns_camera() && other.turns_camera())
     }
 }
 

@@ -23,6 +23,8 @@ struct Waiting {
     /// There is something to look at beside the queue.
     woken: bool,
     ends: bool,
+    /// Something is opened: who is forgotten meanwhile.
+    forgotten: Option<Vec<Client>>,
 }
 
 /// What comes next.
@@ -63,7 +65,16 @@ impl Queue {
 
     /// Lets go of all that somebody asked for.
     pub(crate) fn forget(&self, client: Client) {
-        self.locked().requests.retain(|(who, _)| *who != client);
+        let mut waiting = self.locked();
+        waiting.requests.retain(|(who, _)| *who != client);
+        if let Some(forgotten) = &mut waiting.forgotten {
+            forgotten.push(client);
+        }
+    }
+
+    /// Something is opened, or no longer; who was forgotten since the last call.
+    pub(crate) fn opens(&self, opens: bool) -> Vec<Client> {
+        std::mem::replace(&mut self.locked().forgotten, opens.then(Vec::new)).unwrap_or_default()
     }
 
     /// Wakes whoever waits.

@@ -168,6 +168,21 @@ fn wait(later: &mut Later, client: Client, request: Request) {
     }
 }
 
+/// Lets go of what waits to be taken hold of, and of nothing where nothing does.
+fn let_go(client: Client, request: Request, later: &mut Later) {
+    let holds = |(who, other): &(Client, Request)| {
+        *who == client && matches!(other, Request::Grab { .. } | Request::Adjust)
+    };
+    match later.iter().rposition(holds) {
+        None => {}
+        Some(held) if request == Request::Abandon => {
+            let mut number = 0..;
+            later.retain(|(who, _)| number.next() < Some(held) || *who != client);
+        }
+        Some(_) => wait(later, client, request),
+    }
+}
+
 /// What is drawn, and how well.
 struct Drawn {
     pictures: [Arc<Picture>; 4],
@@ -253,7 +268,8 @@ impl<P: FnMut(Output)> Worker<P> {
         open: impl FnOnce(&Tell) -> Result<B, Error> + Send,
     ) -> Result<Option<(Begun, Later)>, Error> {
         let tell = Tell::through(self.queue.clone());
-        let (mut preview, mut later) = (None::<Preview>, Vec::new());
+        let (mut preview, mut later) = (None::<Preview>, Later::new());
+        self.queue.opens(true);
         let opened = std::thread::scope(|scope| {
             let done = tell.done();
             let opening = || {
@@ -267,6 +283,8 @@ impl<P: FnMut(Output)> Worker<P> {
             let begun: Result<Begun, Error> = opener.join().unwrap_or_else(|fault| resume_unwind(fault));
             Ok::<_, Error>(if ended { None } else { Some(begun?) })
         })?;
+        let gone = self.queue.opens(false);
+        later.retain(|(client, _)| !gone.contains(client));
         let Some(mut begun) = opened else { return Ok(None) };
         if let Some(preview) = preview {
             preview.hand_over(&mut begun.model)?;
@@ -337,6 +355,9 @@ impl<P: FnMut(Output)> Worker<P> {
         preview: &mut Option<Preview>,
         later: &mut Later,
     ) {
+        if matches!(request, Request::Drop | Request::Abandon) {
+            return let_go(client, request, later);
+        }
         let waits = later.iter().any(|(_, other)| request.is_behind(other));
         match preview {
             Some(preview) if !waits && preview.can_follow(&request) => {

@@ -30,6 +30,9 @@ const MANY_VERTICES: usize = 40_000;
 /// What the scene of a bare scan says beside its input.
 const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 
+/// What isn't shown.
+const PLAIN: &str = "drawn without ambient occlusion and shadows, which the scene keeps";
+
 /// What a session begins with.
 #[derive(Debug)]
 pub struct Subject {
@@ -55,6 +58,8 @@ pub struct Subject {
     pub said: Vec<String>,
     /// Whether that was chosen here: of a bare scan. A scene says it, or leaves it to be found.
     pub is_chosen: bool,
+    /// Whether the scene's pictures have light taken away by what is around, which those of a window haven't.
+    pub is_plain: bool,
 }
 
 /// The scene of a bare scan.
@@ -160,9 +165,7 @@ impl Subject {
             let asked = scene.param(&ivd_render::STAGE, key);
             asked.is_some_and(|value| value != json!(0) && value != json!(false))
         };
-        if asks("ao") || asks("shadow") {
-            said.push("drawn without ambient occlusion and shadows, which the scene keeps".to_owned());
-        }
+        let is_plain = asks("ao") || asks("shadow");
         let subject = Self {
             made: Made::of(&scene, &settings, part.as_ref()),
             scene,
@@ -176,6 +179,7 @@ impl Subject {
             settings,
             said,
             is_chosen: is_bare,
+            is_plain,
         };
         // Both that are drawn have it then.
         subject.volume.find_bricks(exec)?;
@@ -189,10 +193,11 @@ impl Subject {
         Ok(subject)
     }
 
-    /// What was said of it, each with who said it.
+    /// What was said of it, each with who said it, and what isn't shown of it.
     pub fn notes(&self) -> impl Iterator<Item = String> {
         let who = if self.is_chosen { "chosen" } else { "in this scene" };
-        self.said.iter().map(move |said| format!("{who}: {said}"))
+        let plain = self.is_plain.then(|| PLAIN.to_owned());
+        self.said.iter().map(move |said| format!("{who}: {said}")).chain(plain)
     }
 
     /// The scene with other settings: what `ivd pipeline` makes of it is what a session shows that is at them.

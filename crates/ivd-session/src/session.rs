@@ -311,6 +311,7 @@ impl Session {
     pub fn make_level(&mut self, level: u8, exec: &Exec) -> Result<(), Error> {
         if !self.levels.contains_key(&level) {
             self.levels.insert(level, Level::new(&self.finest, level, exec)?);
+            self.let_levels_go([self.settings.level, level]);
         }
         Ok(())
     }
@@ -429,12 +430,17 @@ impl Session {
         Ok(update)
     }
 
-    /// Keeps what was prepared of two levels, of others their lattices, and of those not too many: the nearest to the second.
+    /// Keeps what was prepared of two levels, and of others their lattices.
     fn keep_levels(&mut self, two: [u8; 2]) {
         let others = self.levels.iter_mut().filter(|(level, _)| !two.contains(level));
         others.for_each(|(_, level)| level.forget());
+    }
+
+    /// Keeps so many levels at most: two, and of the others the nearest to the second.
+    fn let_levels_go(&mut self, two: [u8; 2]) {
         while self.levels.len() > MOST_LEVELS {
-            let farthest = self.levels.keys().copied().max_by_key(|level| level.abs_diff(two[1]));
+            let others = self.levels.keys().copied().filter(|level| !two.contains(level));
+            let farthest = others.max_by_key(|level| level.abs_diff(two[1]));
             farthest.map(|level| self.levels.remove(&level));
         }
     }

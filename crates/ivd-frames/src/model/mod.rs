@@ -162,17 +162,20 @@ impl Model {
         (self.session.settings(), &self.looks) != (&self.kept.0, &self.kept.1)
     }
 
-    /// Shows what was shown before there was a model: the slices, and what the volume's pane looked like, if there was a picture in it.
+    /// Shows what was shown before there was a model.
+    ///
+    /// - `view`, `size`: of the volume's pane, where somebody has turned it or said how large it is.
     pub(crate) fn show_as(
         &mut self,
         cross: [f64; 3],
         window: Window,
-        camera: Option<(View, [usize; 2])>,
+        view: Option<View>,
+        size: Option<[usize; 2]>,
     ) -> Result<(), Error> {
         (self.panes.planes.cross, self.window) = (cross, window);
         self.touch(&Pane::ALL[1..]);
-        let Some((view, size)) = camera else { return Ok(()) };
-        (self.panes.view, self.panes.size) = (view, size);
+        self.panes.view = view.unwrap_or(self.panes.view);
+        self.panes.size = size.unwrap_or(self.panes.size);
         self.moved_camera()
     }
 

@@ -140,7 +140,7 @@ fn the_volume_is_shown_and_turned_before_it_can_be_moved() {
         let exec = Exec::default();
         let subject = Subject::open(&loaded(BALL), false, &Cache::disabled(), &exec, tell)?;
         wait.recv_timeout(LONG).unwrap();
-        Model::new(subject, [512, 512], exec)
+        Model::new(subject, [64, 64], exec)
     };
     let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
     // What comes too early waits for the picture.
@@ -165,6 +165,20 @@ fn the_volume_is_shown_and_turned_before_it_can_be_moved() {
     service.ask(1, Request::Orbit { by: [0.1, 0.0] });
     let turned = seen(&|volume| whole(volume) && volume.angles == [342.0, 0.0]);
     assert!(turned.picture.image != first.picture.image);
+    // What doesn't go by what is seen holds nobody up, nor does what was let go of before it was taken hold of.
+    for request in [
+        Request::Undo,
+        Request::Abandon,
+        Request::Grab { pane: Pane::Volume, at: [0.4, 0.5] },
+        Request::Drag { to: [0.45, 0.5], lock: None },
+        Request::Abandon,
+        Request::Orbit { by: [-0.1, 0.0] },
+    ] {
+        assert!(service.ask(1, request));
+    }
+    seen(&|volume| volume.angles == [0.0, 0.0]);
+    service.ask(1, Request::Orbit { by: [0.1, 0.0] });
+    seen(&|volume| volume.angles == [342.0, 0.0]);
     // A hand waits, and what follows it stays behind it: it took hold of what it saw.
     for request in [
         Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] },

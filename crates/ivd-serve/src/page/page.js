@@ -71,7 +71,7 @@ async function received(data) {
     pictures[picture.pane] = { ...picture, frame: number };
   }
   if (head.kind === "scan") {
-    if (!figures) shown = { ...head.figures, handles: [], pins: [] };
+    if (!figures && number > (shown?.number ?? 0)) shown = { ...head.figures, handles: [], pins: [], number };
     draw();
     return;
   }
