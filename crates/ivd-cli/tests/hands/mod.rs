@@ -1,4 +1,5 @@
 //! Hands in a window, and the program as another process: it makes the same bytes of the scene that they keep.
+#![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
 
 use std::path::Path;
 use std::process::Command;
@@ -65,7 +66,9 @@ fn scripts_through_a_service_that_is_held_up_end_where_another_process_does() {
         // Another is opened while frames of the one before are made.
         for _ in 0..OPENED_ANEW.div_ceil(scripts) {
             for verb in ["orbit", "drag", "wheel"] {
-                requests(verb, &mut draw).iter().for_each(|request| hands.ask(request));
+                for request in requests(verb, &mut draw) {
+                    hands.ask(&request);
+                }
             }
             hands = Hands::at_work(&scene, draw.below(1 << 20) as u64, held_up);
             anew += 1;
