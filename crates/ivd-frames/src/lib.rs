@@ -33,7 +33,7 @@ pub use error::Error;
 pub use ivd_field::clip::{Cuboid, HalfSpace};
 pub use ivd_field::lies::Lies;
 pub use ivd_map::DepthWeight;
-pub use ivd_session::{ClipPart, Entry, Event};
+pub use ivd_session::{ClipPart, Entry, Event, Physics, Step};
 
 pub use compared::{Compared, Shows};
 pub use figures::{

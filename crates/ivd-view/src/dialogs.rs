@@ -66,6 +66,9 @@ impl Window {
         });
         let away = response.should_close();
         match response.inner {
+            Answer::None | Answer::Away if matches!(dialog, Dialog::Missed { .. }) => {
+                self.dialog = Some(dialog);
+            }
             Answer::None if !away => self.dialog = self.dialog.take().or(Some(dialog)),
             Answer::None | Answer::Away => self.waits = None,
             Answer::Do => self.answered(dialog, context),
@@ -103,6 +106,11 @@ impl Window {
             Dialog::Recover { left, source } => {
                 left.remove();
                 self.begin(&source, Begins::Anew, context);
+            }
+            Dialog::Missed { .. } => {
+                if let Some(work) = &mut self.work {
+                    work.goes_on();
+                }
             }
             Dialog::Recorded => {
                 self.recording = None;
@@ -208,7 +216,16 @@ impl Dialog {
             Self::Export { without } => {
                 ui.heading("Export deformed volume");
                 ui.checkbox(without, "without what planes and boxes take away");
-                choice(ui, "Choose a place …", None)
+                let mut answer = Answer::None;
+                ui.horizontal(|ui| {
+                    if ui.button("Choose a place …").clicked() {
+                        answer = Answer::Do;
+                    }
+                    if ui.button("Cancel").clicked() {
+                        answer = Answer::Away;
+                    }
+                });
+                answer
             }
             Self::Keep { what, path, replace } => {
                 ui.heading(format!("Save {}", what.word()));
@@ -230,7 +247,7 @@ impl Dialog {
             }
             Self::Missed { missed, .. } => {
                 let steps = ivd_core::counted(missed.len() as u64, "step", "steps");
-                ui.heading(format!("{steps} can't be done as it is made now"));
+                ui.heading(format!("{steps} can't be done again"));
                 ScrollArea::vertical().max_height(300.0).show(ui, |ui| {
                     for Missed { name, why } in missed {
                         ui.label(format!("{name}: {why}"));

@@ -1,7 +1,7 @@
 //! Files that are kept: written where the person said, as whole files or not at all.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use egui::{Color32, ColorImage, Context, ScreenshotCallback, ViewportCommand};
@@ -73,11 +73,16 @@ impl Keeping {
     }
 }
 
-/// How a scene beside a file names a scan: by its way from there where it lies beside or below, else by its name alone (`--input` tells where it lies).
+/// How a scene in the place of a file names a scan: by its way from there.
 fn beside(scan: &Path, file: &Path) -> PathBuf {
     let folder = std::path::absolute(ivd_fs::folder_of(file)).unwrap_or_default();
-    let name = || PathBuf::from(scan.file_name().unwrap_or_default());
-    scan.strip_prefix(&folder).map_or_else(|_| name(), Path::to_owned)
+    let same = scan.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    if same == 0 {
+        // On another drive; its name alone, and --input says where.
+        return PathBuf::from(scan.file_name().unwrap_or_default());
+    }
+    let up = folder.components().skip(same).map(|_| Component::ParentDir);
+    up.chain(scan.components().skip(same)).collect()
 }
 
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
@@ -118,6 +123,6 @@ mod tests {
         let told = |file: &str| beside(Path::new("/a/b/c.nii"), Path::new(file));
         assert_eq!(told("/a/scene.toml"), Path::new("b/c.nii"));
         assert_eq!(told("/a/b/scene.toml"), Path::new("c.nii"));
-        assert_eq!(told("/elsewhere/scene.toml"), Path::new("c.nii"));
+        assert_eq!(told("/elsewhere/x/scene.toml"), Path::new("../../a/b/c.nii"));
     }
 }

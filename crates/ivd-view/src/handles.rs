@@ -28,6 +28,7 @@ impl Window {
         Grid::new("handles").num_columns(6).show(ui, |ui| {
             if !figures.handles.is_empty() {
                 ui.weak("");
+                ui.weak("");
                 for (axis, (side, way)) in AXES.into_iter().zip(SIDES) {
                     if figures.letters.is_some() {
                         ui.weak(format!("{axis} ({side})")).on_hover_text(way);
@@ -36,7 +37,6 @@ impl Window {
                     }
                 }
                 ui.weak("reach");
-                ui.weak("");
                 ui.end_row();
             }
             for one in &figures.handles {
@@ -98,6 +98,10 @@ impl Window {
         if go.on_hover_text(format!("At {} mm; the slices go there", place(one.now))).clicked() {
             self.ask_all(go_to(one));
         }
+        let remove = ui.button("×").accessible_name(format!("Remove handle {id}"));
+        if remove.on_hover_text("Remove it").clicked() {
+            self.ask(Request::Remove { handle: id });
+        }
         let pulls = one.with.is_some();
         let unit = if pulls { "mN" } else { "mm from rest" };
         let mut told = one.with.or(one.by).unwrap_or_default();
@@ -121,10 +125,6 @@ impl Window {
         let field = DragValue::new(&mut radius).speed(SPEED).max_decimals(1).range(1e-3..=1e6);
         let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
         self.turned(&field, (&full, radius), || Request::Radius { handle: Some(id), radius });
-        let remove = ui.button("×").accessible_name(format!("Remove handle {id}"));
-        if remove.on_hover_text("Remove it").clicked() {
-            self.ask(Request::Remove { handle: id });
-        }
     }
 }
 

@@ -64,7 +64,8 @@ impl Window {
             let mut wish = self.wish.take().unwrap_or_else(|| Wish::of(made));
             ui.horizontal(|ui| {
                 let field = TextEdit::singleline(&mut wish.iso).hint_text(found(made)).desired_width(110.0);
-                ui.add(field).accessible_name("Value of the surface");
+                let field = ui.add(field).accessible_name("Value of the surface");
+                field.on_hover_text("A value that is said here takes the place of classes: what goes by them goes, such as their colours and stiffness");
                 ui.label("value of the surface");
             });
             part(ui, figures, &mut wish.part);

@@ -27,7 +27,9 @@ impl Window {
         let of =
             source.file.as_deref().map(|file| std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
         let folder = self.options.folder.as_deref();
-        let left = folder.map(left_over).unwrap_or_default().into_iter().find(|left| left.of == of);
+        let left = folder.map(left_over).unwrap_or_default().into_iter().filter(|left| left.of == of);
+        // Of several the one with most: others went on from it, not to the end.
+        let left = left.max_by_key(|left| left.steps);
         match left {
             Some(left) => self.dialog = Some(Dialog::Recover { left, source }),
             None => self.begin(&source, Begins::Anew, context),
@@ -64,6 +66,7 @@ impl Window {
         (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
         (self.wish, self.making) = (None, None);
+        self.looks.clear();
         self.ruler_from = None;
         self.asked = None;
         self.size = ([0; 2], 0.0, true);
@@ -73,14 +76,21 @@ impl Window {
     /// Whether something would be lost.
     pub(crate) fn is_unsaved(&self) -> bool {
         let figures = self.shown.figures();
-        self.work.is_some() && figures.is_some_and(|figures| figures.unsaved || self.lost)
+        let is_lost = figures.is_some_and(|figures| figures.unsaved || self.lost);
+        // What is made again has nothing to show of what was done before.
+        self.work.is_some() && (is_lost || self.before.is_some())
+    }
+
+    /// Whether something is asked that can't be left open.
+    fn must_answer(&self) -> bool {
+        matches!(self.dialog, Some(Dialog::Missed { .. }))
     }
 
     /// Opens what is dropped into the window.
     pub(crate) fn dropped(&mut self, context: &Context) {
         let (dropped, hovers) =
             context.input(|input| (input.raw.dropped_files.clone(), !input.raw.hovered_files.is_empty()));
-        if let Some(file) = dropped.first() {
+        if let Some(file) = dropped.first().filter(|_| !self.must_answer()) {
             self.open(Source { file: Some(file.path().to_owned()), ..Source::default() }, context);
         }
         if hovers {
@@ -95,7 +105,9 @@ impl Window {
         if !context.input(|input| input.viewport().close_requested()) {
             return;
         }
-        if self.is_unsaved() {
+        if self.must_answer() {
+            context.send_viewport_cmd(ViewportCommand::CancelClose);
+        } else if self.is_unsaved() {
             context.send_viewport_cmd(ViewportCommand::CancelClose);
             self.dialog = Some(Dialog::Unsaved(Then::Quit));
         } else if self.recording.is_some() {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::{Align2, Area, Color32, Context, Frame, Id, Margin, Order, vec2};
 use ivd_core::{Classified as _, ErrorClass};
-use ivd_frames::Saved;
+use ivd_frames::{Figures, Saved};
 
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
@@ -50,11 +50,15 @@ impl Window {
             self.shown.scan(scan, context);
         }
         if let Some(frame) = frame {
-            work.went_on();
+            work.is_shown(frame.figures.missed.is_empty());
             self.asked = None;
-            self.missed(&frame.figures);
+            self.made_again(&frame.figures);
             self.pending.shown(&frame.figures);
             self.recorded(&frame.pictures[0]);
+            if let Some(why) = refusal(&frame.figures) {
+                // It can be read after the hand has let go.
+                self.complain(why);
+            }
             self.shown.frame(frame, context);
         }
         for problem in problems {
@@ -107,28 +111,22 @@ impl Window {
         let had_frames = self.shown.figures().is_some();
         let left = self.work.take();
         self.clear();
-        if error.error_class() == ErrorClass::Cancelled {
-            let mut text = "Opening was stopped.".to_owned();
-            if let Some((before, begins)) = self.as_before(left) {
-                text += " It is opened as it was.";
-                self.begin(&before, begins, context);
-            }
-            self.word = Some(Word { text, until: None, is_problem: false });
-        } else if had_frames {
+        if had_frames {
             // Its log stays.
             drop(left);
             self.failed(
                 "The session has ended",
                 &format!("{error}. Open it once more to go on from its last step."),
             );
+        } else if error.error_class() == ErrorClass::Cancelled {
+            let is_back = self.begin_as_before(left, context);
+            let back = if is_back { " It is opened as it was." } else { "" };
+            let text = format!("Opening was stopped.{back}");
+            self.word = Some(Word { text, until: None, is_problem: false });
+        } else if self.begin_as_before(left, context) {
+            self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
         } else {
-            match self.as_before(left) {
-                Some((before, begins)) => {
-                    self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
-                    self.begin(&before, begins, context);
-                }
-                None => self.failed("This can't be opened", &error.to_string()),
-            }
+            self.failed("This can't be opened", &error.to_string());
         }
     }
 
@@ -143,13 +141,7 @@ impl Window {
                 context.request_repaint_after_secs((until - now) as f32);
             }
         }
-        let refused = self.shown.figures().and_then(|figures| figures.refused.as_ref()).map(|refused| {
-            if refused.ahead_mm > 0.0 {
-                return format!("The hand is {:.1} mm ahead: {}", refused.ahead_mm, refused.why);
-            }
-            refused.why.clone()
-        });
-        let refused = refused.map(|text| (text, true));
+        let refused = self.shown.figures().and_then(refusal).map(|text| (text, true));
         let word = || self.word.as_ref().map(|word| (word.text.clone(), word.is_problem));
         let Some((text, is_problem)) = refused.or_else(word) else { return };
         let (ground, colour) = if is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
@@ -161,4 +153,13 @@ impl Window {
             });
         });
     }
+}
+
+/// Why something wasn't followed.
+fn refusal(figures: &Figures) -> Option<String> {
+    let refused = figures.refused.as_ref()?;
+    if refused.ahead_mm > 0.0 {
+        return Some(format!("The hand is {:.1} mm ahead: {}", refused.ahead_mm, refused.why));
+    }
+    Some(refused.why.clone())
 }

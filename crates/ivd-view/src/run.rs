@@ -15,6 +15,9 @@ use crate::{Chooser, Error, Window};
 /// How often it is looked whether the user has interrupted.
 const LOOK: Duration = Duration::from_millis(100);
 
+/// What comes within so long needs no word, where nothing else is said.
+const SOON: Duration = Duration::from_millis(300);
+
 /// How a window works.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -26,12 +29,14 @@ pub struct Options {
     pub folder: Option<PathBuf>,
     /// What asks for paths.
     pub chooser: Chooser,
+    /// What comes within so long needs no word.
+    pub soon: Duration,
 }
 
 impl Options {
     /// With the system's usual folder for what programs keep.
     pub fn new(exec: Exec, cache: Cache) -> Self {
-        Self { exec, cache: Arc::new(cache), folder: state_folder(), chooser: Chooser::system() }
+        Self { exec, cache: Arc::new(cache), folder: state_folder(), chooser: Chooser::system(), soon: SOON }
     }
 }
 

@@ -15,6 +15,9 @@ const FADES: &str = "How the motion fades from the surface inwards. Not at all: 
 /// Stiffness that the slider ends at (N/m).
 const STIFFEST: f64 = 1e5;
 
+/// Matter that may have less of its volume left is squeezed so that one sees it.
+const SQUEEZED: f64 = 0.2;
+
 impl Window {
     /// Shows the panel.
     pub(crate) fn side(&mut self, ui: &mut Ui) {
@@ -116,6 +119,10 @@ impl Window {
                 }
             },
         );
+        if now == Some(MapName::Octree) && figures.min_det_j < SQUEEZED {
+            let left = 100.0 * figures.min_det_j;
+            ui.weak(format!("Somewhere {left:.0} % of the volume may be left: smoothest squeezes less."));
+        }
     }
 
     /// How the motion fades with depth, where voxels follow what is nearest.

@@ -3,7 +3,6 @@
 use egui::{Align, Color32, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
 use ivd_frames::{Figures, NOTICE};
 
-use crate::waits::SOON;
 use crate::window::Window;
 
 /// What a figure of the line means.
@@ -14,9 +13,9 @@ impl Window {
     pub(crate) fn status(&mut self, ui: &mut Ui) {
         let waits = self.asked.filter(|_| self.shown.figures().is_some());
         if waits.is_some() {
-            ui.ctx().request_repaint_after(SOON);
+            ui.ctx().request_repaint_after(self.options.soon);
         }
-        let works = waits.and_then(|waits| waits.told());
+        let works = waits.and_then(|waits| waits.told(self.options.soon));
         ui.horizontal(|ui| {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);
@@ -92,8 +91,8 @@ fn in_words(stage: &'static str) -> &'static str {
         "import" => "reading the scan",
         "segment" => "finding classes",
         "boundary" => "finding the part",
-        "lattice" => "making its lattice",
-        "refine" => "making that coarser",
+        "lattice" => "making the lattice",
+        "refine" => "coarsening the lattice",
         "atf" => "choosing colours",
         other => other,
     }

@@ -4,12 +4,10 @@ use std::time::{Duration, Instant};
 
 use ivd_frames::Request;
 
-/// What comes within so long needs no word.
-pub(crate) const SOON: Duration = Duration::from_millis(300);
 /// What only looks.
 const DRAWING: &str = "drawing";
 
-/// What an answer is waited for to.
+/// What is done until an answer comes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Waits {
     does: &'static str,
@@ -29,14 +27,14 @@ impl Waits {
     }
 
     /// What is done, and for how long already; `None` where that isn't worth a word yet.
-    pub(crate) fn told(&self) -> Option<String> {
-        told(self.does, self.since.elapsed())
+    pub(crate) fn told(&self, soon: Duration) -> Option<String> {
+        told(self.does, self.since.elapsed(), soon)
     }
 }
 
-fn told(does: &str, waited: Duration) -> Option<String> {
+fn told(does: &str, waited: Duration, soon: Duration) -> Option<String> {
     match waited.as_secs() {
-        _ if waited < SOON => None,
+        _ if waited < soon => None,
         0 => Some(format!("{does} …")),
         seconds => Some(format!("{does}, {seconds} s …")),
     }
@@ -86,7 +84,7 @@ mod tests {
 
     #[test]
     fn what_is_worked_on_is_told_with_how_long_that_has_taken() {
-        let after = |ms| told("cutting", Duration::from_millis(ms));
+        let after = |ms| told("cutting", Duration::from_millis(ms), Duration::from_millis(300));
         assert_eq!([after(299), after(300)], [None, Some("cutting …".to_owned())]);
         assert_eq!(after(3900).as_deref(), Some("cutting, 3 s …"));
         let mut waits = Waits::begin();

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui, UiBuilder};
-use ivd_frames::{Pane, Request, Source, Tool};
+use ivd_frames::{Class, Pane, Request, Source, Tool};
 
 use crate::again::{Before, Making};
 use crate::dialogs::{Dialog, Then};
@@ -49,6 +49,8 @@ pub struct Window {
     pub(crate) making: Option<Making>,
     /// What is made again, and what was open before it, to go back to.
     pub(crate) before: Option<Before>,
+    /// How the classes of what is made again are to look.
+    pub(crate) looks: Vec<Class>,
     /// Of a new handle, as it is typed.
     pub(crate) place: String,
     /// Where a ruler begins that is put by keyboard (mm, RAS).
@@ -58,7 +60,7 @@ pub struct Window {
     /// What is recorded, or was and isn't kept yet.
     pub(crate) recording: Option<Recording>,
     pub(crate) notes: Vec<String>,
-    /// What an answer is waited for to, and since when.
+    /// What is done until an answer comes, and since when.
     pub(crate) asked: Option<Waits>,
     pub(crate) word: Option<Word>,
     /// To be opened as soon as there is a window.
@@ -89,6 +91,7 @@ impl Window {
             wish: None,
             making: None,
             before: None,
+            looks: Vec::new(),
             place: String::new(),
             ruler_from: None,
             photograph: None,

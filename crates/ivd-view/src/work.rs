@@ -44,8 +44,10 @@ pub(crate) struct Work {
     /// Where the scan lies.
     pub(crate) scan: Option<PathBuf>,
     journal: Arc<Mutex<Option<Journal>>>,
-    /// The log that it goes on from.
+    /// The log that it goes on from, until its own has all of that.
     left: Option<Left>,
+    /// Whether there were frames of it.
+    is_shown: bool,
     /// Whether it can't be opened once more: it went on from a log that doesn't say how.
     pub(crate) is_last: bool,
 }
@@ -107,7 +109,8 @@ impl Work {
             Ok(Begun { entries, line, model: Model::new(subject, SIZE, its)? })
         };
         let service = Service::start(open, exec, move |output| to.take(output))?;
-        Ok(Self { service: Some(service), cancel, shared, source: again, of, scan, journal, left, is_last })
+        let (service, is_shown) = (Some(service), false);
+        Ok(Self { service, cancel, shared, source: again, of, scan, journal, left, is_shown, is_last })
     }
 
     /// Asks the service.
@@ -136,8 +139,16 @@ impl Work {
         self.cancel.cancel();
     }
 
-    /// The log that it went on from was followed: its own has all of it.
-    pub(crate) fn went_on(&mut self) {
+    /// It is shown; `whole`: with all of the log that it goes on from, of which its own has all then.
+    pub(crate) fn is_shown(&mut self, whole: bool) {
+        self.is_shown = true;
+        if whole {
+            self.goes_on();
+        }
+    }
+
+    /// It goes on from its own log.
+    pub(crate) fn goes_on(&mut self) {
         if let Some(left) = self.left.take() {
             left.remove();
         }
@@ -148,13 +159,24 @@ impl Work {
         if let Some(journal) = self.end() {
             journal.close();
         }
+        if self.is_shown {
+            self.goes_on();
+        }
         self.left.take()
     }
 
-    /// Ends in order; what has done so many steps goes on from its log.
+    /// Ends in order; what has done so many steps goes on from its log, or from the one that has more than its own.
     pub(crate) fn leave(mut self, steps: usize) -> Option<Left> {
         let journal = self.end();
-        journal.map(|journal| journal.leave(self.of.take(), self.scan.take(), steps))
+        match self.left.take() {
+            Some(left) => {
+                if let Some(journal) = journal {
+                    journal.close();
+                }
+                Some(left)
+            }
+            None => journal.map(|journal| journal.leave(self.of.take(), self.scan.take(), steps)),
+        }
     }
 
     fn end(&mut self) -> Option<Journal> {

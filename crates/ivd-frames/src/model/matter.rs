@@ -74,7 +74,7 @@ fn along(lattice: &Lattice, labels: &Labels) -> Vec<u16> {
 }
 
 /// A solver of a name: as one of those known already has it, the first first, else as stiff as the first.
-pub(super) fn solver(name: SolverName, known: [&Physics; 2]) -> Physics {
+pub(super) fn solver(name: SolverName, known: [&Physics; 3]) -> Physics {
     let is = |physics: &&&Physics| match name {
         SolverName::Ring => matches!(physics, Physics::Ring(_)),
         SolverName::Springs => matches!(physics, Physics::Springs(_)),

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction};
 use ivd_motion::handles::{Action, Anchor, Handle, Pick, Pin, find_picks};
 use ivd_render::{Lens, View};
-use ivd_session::{Event, Id, Session, Settings, Update};
+use ivd_session::{Event, Id, MapChoice, Physics, Session, Settings, Update};
 use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
@@ -53,6 +53,8 @@ pub struct Model {
     adjusts: bool,
     hovered: Option<Hovered>,
     refused: Option<Refused>,
+    /// How the lattice followed before it was to follow otherwise.
+    other: Option<Physics>,
     /// What couldn't be done again when it was opened.
     missed: Vec<Missed>,
     /// By slice, whether it was clipped when its pane had a version.
@@ -122,6 +124,7 @@ impl Model {
             adjusts: false,
             hovered: None,
             refused: None,
+            other: None,
             missed: Vec::new(),
             clipped: [(0, false); 3],
             along: None,
@@ -214,6 +217,7 @@ impl Model {
             }
             Request::Slice { pane, steps } => {
                 self.panes.planes.step(*pane, *steps, grid.dims())?;
+                self.hovered = None;
                 self.touch(&[*pane]);
                 self.moved_cross();
                 Ok(())
@@ -252,7 +256,7 @@ impl Model {
                 Ok(())
             }
             Request::Drop => {
-                self.refused = None;
+                (self.refused, self.hovered) = (None, None);
                 self.let_go()
             }
             Request::Abandon => {
@@ -320,8 +324,13 @@ impl Model {
             Request::Stiffness { stiffness } => self.apply(Event::Stiffness { newton_per_metre: *stiffness }),
             Request::Material { class, stiffness } => self.stiffen(*class, *stiffness),
             Request::Solver { solver } => {
-                let known = [&self.session.settings().physics, &self.subject.settings.physics];
-                self.apply(Event::Physics(matter::solver(*solver, known)))
+                let now = self.session.settings().physics.clone();
+                let known = [&now, self.other.as_ref().unwrap_or(&now), &self.subject.settings.physics];
+                self.apply(Event::Physics(matter::solver(*solver, known)))?;
+                if self.session.settings().physics != now {
+                    self.other = Some(now);
+                }
+                Ok(())
             }
             Request::Map { map } => {
                 let map = map::chosen(*map, [&self.session.settings().map, &self.subject.settings.map]);
@@ -373,7 +382,10 @@ impl Model {
                 "it would take more than {most} s; make the radius smaller, or the lattice coarser by a higher level"
             )
         } else {
-            error.to_string()
+            let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
+            let other = is_nearest && error.error_class() == ErrorClass::Untrusted;
+            let or = if other { "; or let voxels follow smoothest" } else { "" };
+            format!("{error}{or}")
         };
         self.refused = Some(Refused { why, ahead_mm: self.ahead() });
         Ok(())
@@ -426,6 +438,8 @@ impl Model {
     }
 
     fn moved_camera(&mut self) -> Result<(), Error> {
+        // What lay under the pointer lies elsewhere.
+        self.hovered = self.hovered.take().filter(|hovered| hovered.pane != Pane::Volume);
         self.lens = self.panes.lens(self.session.rest().grid())?;
         self.touch(&[Pane::Volume]);
         Ok(())

@@ -70,7 +70,23 @@ impl Here {
         renderer: Option<Box<dyn TestRenderer>>,
         chooser: Chooser,
     ) -> Self {
+        Self::made(folder, source, renderer, chooser, Duration::from_millis(300))
+    }
+
+    /// A window that says at once what it does.
+    pub(crate) fn telling(folder: Arc<tempfile::TempDir>, source: Source) -> Self {
+        Self::made(folder, Some(source), None, Chooser::default(), Duration::ZERO)
+    }
+
+    fn made(
+        folder: Arc<tempfile::TempDir>,
+        source: Option<Source>,
+        renderer: Option<Box<dyn TestRenderer>>,
+        chooser: Chooser,
+        soon: Duration,
+    ) -> Self {
         let options = Options {
+            soon,
             exec: Exec::default(),
             cache: Arc::new(Cache::disabled()),
             folder: Some(folder.path().join("state")),

@@ -53,6 +53,12 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     assert!(!class.hidden);
     here.press(&format!("Class {}", class.id));
     here.told("it is hidden", |told| told.classes[0].hidden && told.unsaved);
+    // Made again, it is still hidden.
+    here.press("Made of");
+    here.harness.run_ok();
+    type_into(&mut here, "Stiffness that it is made with, N/m", "80");
+    chosen(&mut here, "Make again");
+    here.told("stiffer, and hidden", |told| told.stiffness == 80.0 && told.classes[0].hidden);
 }
 
 #[test]
@@ -164,7 +170,7 @@ fn what_cannot_be_done_again_is_asked_about() {
     for (answer, handles, iso) in [("Go back to how it was made", 1, 127.5), ("Go on without", 0, 250.0)] {
         type_into(&mut here, "Value of the surface", "250");
         chosen(&mut here, "Make again");
-        here.until("it is asked", |here| here.has("1 step can't be done as it is made now"));
+        here.until("it is asked", |here| here.has("1 step can't be done again"));
         assert!(here.has("ten voxel diagonals"));
         here.press(answer);
         let told = here.told("answered", |told| told.made.iso == Some(iso));
@@ -230,13 +236,9 @@ fn a_scene_says_what_is_made_of_it_and_that_nothing_was_chosen() {
 #[test]
 fn what_takes_long_is_told_by_what_it_is() {
     let folder = folder();
-    let source =
-        scene(folder.path(), &BALL.replace("size = 32", "size = 128").replace("level = 1", "level = 3"));
-    let mut here = Here::new(folder, Some(source), None);
+    let source = scene(folder.path(), BALL);
+    let mut here = Here::telling(folder, source);
     here.settle();
-    tab_to(&mut here, "Radius, as a number");
-    typed(&mut here, "50");
-    here.told("it reaches far", |told| told.radius == 50.0);
     here.press("Cut where the slices meet");
     here.harness.run_ok();
     here.press("Cut along the sagittal slice");
