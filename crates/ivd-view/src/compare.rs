@@ -36,7 +36,11 @@ impl Window {
         }
         let mut percent = 100.0 * at;
         let slider = Slider::new(&mut percent, 0.0..=100.0).show_value(false);
-        let slid = ui.add(slider).accessible_name("At rest up to, % of each picture's width");
+        let slid = ui.horizontal(|ui| {
+            ui.weak("at rest up to");
+            ui.add(slider).accessible_name("At rest up to, % of each picture's width")
+        });
+        let slid = slid.inner;
         if slid.on_hover_text("At rest left of the line, which can be dragged in the pictures too").changed()
         {
             self.ask(Request::Compare { shows, at: (0.01 * percent).clamp(0.0, 1.0) });

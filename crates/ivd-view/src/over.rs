@@ -164,7 +164,7 @@ impl Over<'_> {
     fn ruler(&self, figures: &Figures, ruler: &Ruler) {
         let number = self.pane.number();
         let is_beside = |off: &[f64; 3]| number.checked_sub(1).is_some_and(|slice| off[slice].abs() > BESIDE);
-        // What doesn't lie in a slice is faint there.
+        // What doesn't lie in a slice is faint there, without its numbers.
         let faint = ruler.off.iter().any(is_beside);
         let colour = if faint { RULER.gamma_multiply(0.3) } else { RULER };
         let ends: Option<Vec<Pos2>> = ruler.at.iter().map(|at| Some(self.place(at[number]?))).collect();
@@ -174,12 +174,14 @@ impl Over<'_> {
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(4.0, dark));
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(1.5, colour));
             let at = pair[0] + 0.5 * (pair[1] - pair[0]) + vec2(6.0, -4.0);
-            self.write(at, Align2::LEFT_BOTTOM, mm(figures, ruler, leg), LETTERS, colour);
+            if !faint {
+                self.write(at, Align2::LEFT_BOTTOM, mm(figures, ruler, leg), LETTERS, colour);
+            }
         }
         for end in &ends {
             self.ring(*end, 3.0, colour, 1.5);
         }
-        if let Some(text) = degrees(figures, ruler) {
+        if let Some(text) = degrees(figures, ruler).filter(|_| !faint) {
             self.write(ends[1] + vec2(8.0, 6.0), Align2::LEFT_TOP, text, LETTERS, colour);
         }
     }

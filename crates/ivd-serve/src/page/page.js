@@ -337,10 +337,12 @@ function rulers(context, number, place, unit) {
   for (const one of shown.rulers ?? []) {
     const ends = one.at.map((at) => place(at[number]));
     if (!ends.every(Boolean)) continue;
-    // What doesn't lie in a slice is faint there.
-    context.globalAlpha = number && one.off.some((off) => Math.abs(off[number - 1]) > 2) ? 0.3 : 1;
+    // What doesn't lie in a slice is faint there, without its numbers.
+    const faint = number && one.off.some((off) => Math.abs(off[number - 1]) > 2);
+    context.globalAlpha = faint ? 0.3 : 1;
     context.lineWidth = 1.5 * unit;
     context.beginPath(); ends.forEach((end, i) => (i ? context.lineTo(...end) : context.moveTo(...end))); context.stroke();
+    if (faint) continue;
     const told = measured(one);
     for (let leg = 0; leg < one.mm.length; leg++) {
       const [a, b] = [ends[leg], ends[leg + 1]];
