@@ -112,3 +112,24 @@ fn what_is_opened_is_seen_and_turned_before_it_can_be_moved() {
     assert_eq!((pictures(&frame).len(), &frame.head["figures"]["size"]), (4, &json!([64, 48])));
     driver.hear_of("frame", |heard| heard.head["figures"]["held"] == 0);
 }
+
+#[test]
+fn the_body_is_seen_at_rest_and_measured_by_whoever_looks() {
+    let server = Server::start(Place::Port(0));
+    let (mut driver, mut watcher) = (server.join(&server.links.drive), server.join(&server.links.watch));
+    let first = pictures(&driver.hear_of("frame", |_| true));
+    driver.send(&json!({ "do": "measure", "pane": "axial", "from": [0.25, 0.5], "to": [0.5, 0.5] }));
+    driver.send(&json!({ "do": "add", "place": [12.0, 21.0, 12.0], "by": [0.0, -1.0, 0.0] }));
+    driver.hear_of("frame", |heard| !handles(heard).is_empty());
+    driver.send(&json!({ "do": "compare", "shows": "rest" }));
+    let at_rest = |heard: &Heard| heard.head["figures"]["compare"] == json!({ "shows": "rest", "at": 0.5 });
+    let seen = watcher.hear_of("frame", at_rest);
+    let axial = |all: &[(String, Vec<u8>)]| all.iter().find(|(pane, _)| pane == "axial").cloned();
+    // Of its four pictures a frame brings those that are new.
+    assert!(axial(&first).is_some() && axial(&pictures(&seen)) == axial(&first), "as it was first");
+    // A quarter of 24 mm.
+    let ruler = &seen.head["figures"]["rulers"][0];
+    assert!((ruler["rest_mm"][0].as_f64().unwrap() - 6.0).abs() < 1e-9, "{ruler}");
+    watcher.send(&json!({ "do": "compare", "shows": "now" }));
+    assert!(watcher.hear_of("problem", |_| true).head["text"].as_str().unwrap().contains("lets watch"));
+}
