@@ -54,7 +54,7 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     here.press(&format!("Class {}", class.id));
     here.told("it is hidden", |told| told.classes[0].hidden && told.unsaved);
     // Made again, it is still hidden.
-    here.press("Made of");
+    chosen(&mut here, "Made of");
     here.harness.run_ok();
     type_into(&mut here, "Stiffness that it is made with, N/m", "80");
     chosen(&mut here, "Make again");
