@@ -151,7 +151,7 @@ mod tests {
                 events.iter().map(|event| serde_json::from_str(event).unwrap()).collect();
             Entry::Step(ivd_frames::Step { name: "it".to_owned(), events })
         };
-        let physics = serde_json::to_string(&Event::Physics(Physics::Ring(Default::default()))).unwrap();
+        let physics = serde_json::to_string(&Event::Physics(Physics::Ring(<_>::default()))).unwrap();
         let done = [
             step(&[&physics, r#"{"stiffness":{"newton_per_metre":60.0}}"#]),
             step(&[r#"{"stiffness":{"newton_per_metre":70.0}}"#, r#"{"level":2}"#]),
