@@ -279,6 +279,24 @@ def work(browser, links, program, folder, pictures):
     tab.until("document.getElementById('parts').children.length === 0", "and its row closes it")
     tab.run("document.querySelector('input[value=turn]').click()")
 
+    # The body at rest, and both divided by a line; a length over a slice, taken away by its row.
+    tab.run("document.activeElement.blur()")
+    tab.key("o", "KeyO")
+    tab.until("document.getElementById('compare').value === 'rest'", "O shows the body at rest")
+    tab.key("w", "KeyW")
+    tab.until("document.getElementById('compare').value === 'both'", "W shows it beside what it is now")
+    tab.key("w", "KeyW")
+    tab.until("document.getElementById('compare').value === 'now'", "and W again what it is now")
+    tab.run("document.querySelector('input[value=measure]').click()")
+    tab.mouse("mouseMoved", ends[0], "none")
+    tab.mouse("mousePressed", ends[0])
+    tab.mouse("mouseMoved", ends[1])
+    tab.mouse("mouseReleased", ends[1])
+    tab.until("document.getElementById('parts').innerText.includes('ruler')", "a line is measured")
+    tab.run("document.querySelector('#parts button').click()")
+    tab.until("document.getElementById('parts').children.length === 0", "and its row takes it away")
+    tab.run("document.querySelector('input[value=turn]').click()")
+
     # The keyboard alone: a handle at a place, moved by its row, undone.
     tab.run("document.getElementById('place').focus()")
     for letter in "32, 58, 32":

@@ -20,6 +20,9 @@ const ENDS: [[&str; 2]; 3] = [
 /// Where they go; no wider than the panel.
 const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
 
+/// Where a plane lies from the middle, by the axis of the patient that it crosses most.
+const FROM_THE_MIDDLE: [&str; 3] = ["mm right of the middle", "mm before the middle", "mm above the middle"];
+
 impl Window {
     /// Shows what clips.
     pub(crate) fn clips(&mut self, ui: &mut Ui, figures: &Figures) {
@@ -78,12 +81,16 @@ impl Window {
         let [low, high] = figures.extent;
         let middle: [f64; 3] = std::array::from_fn(|a| f64::midpoint(low[a], high[a]));
         let half: f64 = (0..3).map(|a| 0.5 * (high[a] - low[a]) * normal[a].abs()).sum();
-        let there: f64 = (0..3).map(|a| (plane.point[a] - middle[a]) * normal[a]).sum();
+        // Counted along the axis that it crosses, whichever side is kept.
+        let axis = (0..3).fold(0, |best, a| if normal[a].abs() > normal[best].abs() { a } else { best });
+        let way = normal[axis].signum();
+        let there: f64 = (0..3).map(|a| (plane.point[a] - middle[a]) * way * normal[a]).sum();
+        let words = if figures.letters.is_some() { FROM_THE_MIDDLE[axis] } else { "mm from the middle" };
         ui.strong(format!("Plane {id} keeps the {}", side(normal, figures.letters.is_some())));
         let full = format!("Plane {id}");
         let mut at = self.value(&full, there);
-        for response in slider(ui, &full, "mm from the middle", &mut at, -half..=half, Scale::Even) {
-            let point = std::array::from_fn(|a| plane.point[a] + (at - there) * normal[a]);
+        for response in slider(ui, &full, words, &mut at, -half..=half, Scale::Even) {
+            let point = std::array::from_fn(|a| plane.point[a] + (at - there) * way * normal[a]);
             let part = ClipPart::Plane(HalfSpace { point, ..*plane });
             self.turned(&response, (&full, at), || Request::MoveClip { clip: id, part });
         }

@@ -1,6 +1,6 @@
 //! By what the lattice follows, and how stiff classes are.
 
-use egui::{ComboBox, DragValue, Ui};
+use egui::{Color32, ComboBox, DragValue, Sense, Ui, vec2};
 use ivd_frames::{Figures, Matter, Request, SolverName};
 
 use crate::window::Window;
@@ -35,7 +35,14 @@ impl Window {
             ui.weak(RINGS);
         }
         for matter in &figures.matter {
-            ui.horizontal(|ui| self.matter(ui, matter));
+            let class = figures.classes.iter().find(|class| class.id == matter.class);
+            let colour = class.and_then(|class| Color32::from_hex(&class.colour).ok());
+            ui.horizontal(|ui| {
+                // As it is drawn: what a class is is seen, not known by its number.
+                let (chip, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
+                ui.painter().rect_filled(chip, 2.0, colour.unwrap_or(Color32::TRANSPARENT));
+                self.matter(ui, matter);
+            });
         }
     }
 
