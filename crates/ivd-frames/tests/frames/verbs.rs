@@ -176,14 +176,33 @@ pub(crate) fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
     }
 }
 
-/// The verbs of a script, one after the other: something to work on, then its share of all ordered pairs, each verb after the one before it.
+/// The verbs of a script, one after the other: something to work on, then its share of a walk on which each follows each once.
 ///
-/// - `scripts`: how many share them.
+/// - `scripts`: how many share it.
 pub(crate) fn verbs(all: &[&'static str], script: usize, scripts: usize) -> Vec<&'static str> {
-    let count = all.len();
-    let pairs = (script..count * count).step_by(scripts);
-    let pairs = pairs.flat_map(|pair| [all[pair / count], all[pair % count]]);
-    ["drag"].into_iter().chain(pairs).collect()
+    let walk = walk(all.len());
+    let pairs = walk.len() - 1;
+    let [from, to] = [script, script + 1].map(|script| (script * pairs.div_ceil(scripts)).min(pairs));
+    ["drag"].into_iter().chain(walk[from..=to].iter().map(|verb| all[*verb])).collect()
+}
+
+/// A walk over so many places from each to each, itself too, by every way once (Hierholzer).
+fn walk(places: usize) -> Vec<usize> {
+    let mut draw = Draw(7);
+    let mut ways: Vec<Vec<usize>> = Vec::new();
+    for _ in 0..places {
+        let mut to: Vec<usize> = (0..places).collect();
+        (1..places).for_each(|i| to.swap(i, draw.below(i + 1)));
+        ways.push(to);
+    }
+    let (mut stack, mut walk) = (vec![0], Vec::new());
+    while let Some(&at) = stack.last() {
+        match ways[at].pop() {
+            Some(to) => stack.push(to),
+            None => walk.extend(stack.pop()),
+        }
+    }
+    walk
 }
 
 /// Which verbs were done, and which after which.
