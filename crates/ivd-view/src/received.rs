@@ -55,6 +55,13 @@ impl Window {
             self.made_again(&frame.figures);
             self.pending.shown(&frame.figures);
             self.recorded(&frame.pictures[0]);
+            let before = self.shown.figures().map(|figures| (figures.level, figures.vertices));
+            let (level, vertices) = (frame.figures.level, frame.figures.vertices);
+            if let Some((was, _)) = before.filter(|(was, same)| level > *was && vertices == *same) {
+                let text =
+                    format!("Level {level} is no coarser than level {was}: {vertices} vertices are left.");
+                self.word = Some(Word { text, until: None, is_problem: false });
+            }
             if let Some(why) = refusal(&frame.figures) {
                 // It can be read after the hand has let go.
                 self.complain(why);

@@ -185,3 +185,14 @@ fn the_side_panel_is_as_wide_whatever_it_holds() {
     same(&here, "notes are long");
     assert_eq!(here.rect("Volume").width(), here.rect("Axial slice").width());
 }
+
+#[test]
+fn a_level_that_is_no_coarser_says_so() {
+    let mut here = Here::ball();
+    for level in [15, 16] {
+        tab_to(&mut here, "Level, as a number");
+        typed(&mut here, &level.to_string());
+        here.told("the level", |told| told.level == level);
+    }
+    here.until("it is told", |here| here.has("Level 16 is no coarser than level 15"));
+}
