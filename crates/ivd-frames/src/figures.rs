@@ -1,11 +1,13 @@
 //! What is told beside the pictures.
 
+use ivd_core::Volume;
 use ivd_field::lies::Lies;
 use ivd_map::DepthWeight;
 use ivd_render::Lens;
 use ivd_session::ClipPart;
 use serde::Serialize;
 
+use crate::planes::value_at;
 use crate::{Compared, Made, Overlay, Pane};
 
 /// A handle or a pin, and where the panes show it.
@@ -50,6 +52,23 @@ pub struct Hovered {
     pub away_mm: Option<f64>,
     /// Where each pane shows the place, as shares.
     pub at: [Option<[f64; 2]>; 4],
+}
+
+impl Hovered {
+    /// What lies at a place of a volume at rest, where nothing can be taken hold of; `at`: where the panes show it.
+    pub(crate) fn at_rest(pane: Pane, place: [f64; 3], volume: &Volume, at: [Option<[f64; 2]>; 4]) -> Self {
+        Self {
+            pane,
+            place,
+            rest: place,
+            value: value_at(volume, place),
+            handle: None,
+            vertex: None,
+            vertex_at: [None; 4],
+            away_mm: None,
+            at,
+        }
+    }
 }
 
 /// The cut that there is.

@@ -155,17 +155,8 @@ impl Preview {
             }
             Request::Hover { pane, at } => {
                 let place = self.look(*pane, *at)?;
-                self.hovered = place.map(|place| Hovered {
-                    pane: *pane,
-                    place,
-                    rest: place,
-                    value: value_at(&self.volume, place),
-                    handle: None,
-                    vertex: None,
-                    vertex_at: [None; 4],
-                    away_mm: None,
-                    at: self.shares(place),
-                });
+                self.hovered =
+                    place.map(|place| Hovered::at_rest(*pane, place, &self.volume, self.shares(place)));
             }
             camera => {
                 if let Request::Resize { size } = camera {

@@ -176,8 +176,8 @@ fn let_go(client: Client, request: Request, later: &mut Later) {
     match later.iter().rposition(holds) {
         None => {}
         Some(held) if request == Request::Abandon => {
-            let mut number = 0..;
-            later.retain(|(who, _)| number.next() < Some(held) || *who != client);
+            let rest = later.split_off(held);
+            later.extend(rest.into_iter().filter(|(who, _)| *who != client));
         }
         Some(_) => wait(later, client, request),
     }

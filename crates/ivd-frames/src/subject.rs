@@ -54,7 +54,7 @@ pub struct Subject {
     pub settings: Settings,
     /// What the body is made of.
     pub made: Made,
-    /// What it is made of, and what is done otherwise than the scene says, for a person to read.
+    /// What it is made of, for a person to read.
     pub said: Vec<String>,
     /// Whether that was chosen here: of a bare scan. A scene says it, or leaves it to be found.
     pub is_chosen: bool,

@@ -97,15 +97,27 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
 pub(crate) fn screenshot(context: &Context, shared: Shared, path: PathBuf) {
     let callback = ScreenshotCallback::new(move |image| {
         // Made and written beside the window.
-        let write = move || {
+        let written = move || {
             let kept = png(&image).and_then(|bytes| write(&path, &bytes));
-            let kept = kept.map(|()| path.display().to_string());
-            shared.locked().kept.push_back((Keeps::Window, kept));
-            shared.context.request_repaint();
+            kept.map(|()| path.display().to_string())
         };
-        let _ = std::thread::Builder::new().name("screenshot".to_owned()).spawn(write);
+        write_beside(shared.clone(), Keeps::Window, written);
     });
     context.send_viewport_cmd(ViewportCommand::Screenshot(callback));
+}
+
+/// Writes on a thread of its own; `write` gives where it was written.
+pub(crate) fn write_beside(
+    shared: Shared,
+    what: Keeps,
+    write: impl FnOnce() -> Result<String, String> + Send + 'static,
+) {
+    let work = move || {
+        let kept = write();
+        shared.locked().kept.push_back((what, kept));
+        shared.context.request_repaint();
+    };
+    let _ = std::thread::Builder::new().name("writing".to_owned()).spawn(work);
 }
 
 fn png(image: &ColorImage) -> Result<Vec<u8>, String> {

@@ -36,6 +36,11 @@ impl Window {
         self.word = Some(Word { text, until: None, is_problem: true });
     }
 
+    /// Tells something for a while.
+    pub(crate) fn say(&mut self, text: String) {
+        self.word = Some(Word { text, until: None, is_problem: false });
+    }
+
     /// Takes what the service gave.
     pub(crate) fn receive(&mut self, context: &Context) {
         let Some(work) = &mut self.work else { return };
@@ -58,9 +63,9 @@ impl Window {
             let before = self.shown.figures().map(|figures| (figures.level, figures.vertices));
             let (level, vertices) = (frame.figures.level, frame.figures.vertices);
             if let Some((was, _)) = before.filter(|(was, same)| level > *was && vertices == *same) {
-                let text =
-                    format!("Level {level} is no coarser than level {was}: {vertices} vertices are left.");
-                self.word = Some(Word { text, until: None, is_problem: false });
+                self.say(format!(
+                    "Level {level} is no coarser than level {was}: {vertices} vertices are left."
+                ));
             }
             if let Some(why) = refusal(&frame.figures) {
                 // It can be read after the hand has let go.
@@ -100,8 +105,7 @@ impl Window {
                     2.. if what == Keeps::Asked(Saved::Volume) => ", without what planes and boxes take away",
                     _ => "",
                 };
-                let text = format!("Written: {place}{without}");
-                self.word = Some(Word { text, until: None, is_problem: false });
+                self.say(format!("Written: {place}{without}"));
                 if let Some(then) = self.waits.take().filter(|_| is_scene) {
                     self.then(then, context);
                 }
@@ -128,8 +132,7 @@ impl Window {
         } else if error.error_class() == ErrorClass::Cancelled {
             let is_back = self.begin_as_before(left, context);
             let back = if is_back { " It is opened as it was." } else { "" };
-            let text = format!("Opening was stopped.{back}");
-            self.word = Some(Word { text, until: None, is_problem: false });
+            self.say(format!("Opening was stopped.{back}"));
         } else if self.begin_as_before(left, context) {
             self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
         } else {

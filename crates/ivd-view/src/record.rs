@@ -10,10 +10,8 @@ use ivd_frames::Picture;
 use ivd_pipeline::animation_bytes;
 
 use crate::bar::item;
-use crate::files::{Keeps, write};
-use crate::inbox::Shared;
+use crate::files::{Keeps, write, write_beside};
 use crate::keys::RECORD;
-use crate::received::Word;
 use crate::system::Purpose;
 use crate::window::Window;
 
@@ -150,9 +148,9 @@ impl Window {
         if !recording.take(picture, recording.began.elapsed().as_secs_f64()) {
             recording.stop();
             let count = counted(recording.pictures.len() as u64, "picture", "pictures");
-            let text =
-                format!("Recording has stopped: {count} are as many as it holds. File, Keep the recording.");
-            self.word = Some(Word { text, until: None, is_problem: false });
+            self.say(format!(
+                "Recording has stopped: {count} are as many as it holds. File, Keep the recording."
+            ));
         }
     }
 
@@ -175,22 +173,12 @@ impl Window {
         let recording = recording.clone();
         let write = move || recording.write(&path).map(|()| path.display().to_string());
         if let Some(shared) = shared {
-            beside(shared, write);
+            write_beside(shared, Keeps::Recording, write);
         } else {
             let kept = write();
             self.kept(Keeps::Recording, kept, context);
         }
     }
-}
-
-/// Writes on a thread of its own.
-fn beside(shared: Shared, write: impl FnOnce() -> Result<String, String> + Send + 'static) {
-    let work = move || {
-        let kept = write();
-        shared.locked().kept.push_back((Keeps::Recording, kept));
-        shared.context.request_repaint();
-    };
-    let _ = std::thread::Builder::new().name("recording".to_owned()).spawn(work);
 }
 
 #[cfg(test)]

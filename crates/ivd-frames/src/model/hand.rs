@@ -28,7 +28,9 @@ impl Model {
     pub(super) fn hover(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Hovered>, Error> {
         let Some(place) = self.look(pane, at)? else { return Ok(None) };
         if self.compared.is_rest_at(at) {
-            return Ok(Some(self.hover_at_rest(pane, place)));
+            let volume = self.session.rest();
+            let shares = self.panes.shares(volume.grid(), &self.lens, place);
+            return Ok(Some(Hovered::at_rest(pane, place, volume, shares)));
         }
         let rest = self.rest_of(place);
         let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
@@ -47,22 +49,6 @@ impl Model {
             away_mm: vertex.map(|pick| pick.away()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
-    }
-
-    /// What lies under the pointer where the body is shown at rest: nothing can be taken hold of there.
-    fn hover_at_rest(&self, pane: Pane, place: [f64; 3]) -> Hovered {
-        let volume = self.session.rest();
-        Hovered {
-            pane,
-            place,
-            rest: place,
-            value: value_at(volume, place),
-            handle: None,
-            vertex: None,
-            vertex_at: [None; 4],
-            away_mm: None,
-            at: self.panes.shares(volume.grid(), &self.lens, place),
-        }
     }
 
     /// The handle that a pane shows at a place: in a slice one that lies beside it, in the volume one that nothing hides.
