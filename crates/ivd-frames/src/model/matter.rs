@@ -1,12 +1,8 @@
 //! How the lattice follows, and how stiff classes are.
 
-use std::collections::BTreeSet;
-
-use ivd_core::{Labels, Lattice, vertex_class};
-use ivd_motion::mass_spring::{Material, Params, Solver, Springs};
+use ivd_motion::mass_spring::{Material, Params, Solver, Springs, classes_along};
 use ivd_motion::ring::RingParams;
 use ivd_session::{Event, Physics};
-use nalgebra::Vector3;
 
 use super::Model;
 use crate::figures::Matter;
@@ -37,7 +33,7 @@ impl Model {
         let is_found = self.along.as_ref().is_some_and(|(at, _)| *at == level);
         let by_springs = matches!(self.session.settings().physics, Physics::Springs(_));
         if let (Some(labels), true) = (&self.subject.labels, by_springs && !is_found) {
-            self.along = Some((level, along(self.session.lattice(), labels)));
+            self.along = Some((level, classes_along(self.session.lattice(), labels)));
         }
     }
 
@@ -55,22 +51,6 @@ impl Model {
         };
         classes.iter().map(|class| Matter { class: *class, stiffness: stiffness(class) }).collect()
     }
-}
-
-/// The classes of which a lattice's vertices are made, as springs take them.
-fn along(lattice: &Lattice, labels: &Labels) -> Vec<u16> {
-    let places: Vec<Vector3<f64>> = (0..lattice.keys().len()).map(|v| lattice.world(v).0).collect();
-    let mut outward = vec![Vector3::zeros(); places.len()];
-    for triangle in lattice.triangles() {
-        let [a, b, c] = triangle.map(|v| v as usize);
-        let normal = (places[b] - places[a]).cross(&(places[c] - places[a]));
-        for v in [a, b, c] {
-            outward[v] += normal;
-        }
-    }
-    let classes = outward.iter().enumerate().map(|(v, way)| vertex_class::inside(lattice, labels, v, *way));
-    let classes: BTreeSet<u16> = classes.filter(|class| *class > 0).collect();
-    classes.into_iter().collect()
 }
 
 /// A solver of a name: as one of those known already has it, the first first, else as stiff as the first.

@@ -1,5 +1,7 @@
 //! The part of a lattice that handles can move, as masses on springs.
 
+use std::collections::BTreeSet;
+
 use ivd_core::vertex_class;
 use ivd_core::{Labels, Lattice, sets};
 use nalgebra::Vector3;
@@ -256,6 +258,15 @@ fn numbers(links: &[Link], vertices: usize, region: &Region) -> Vec<u32> {
     let held = (0..vertices).filter(|&v| seen[v] && !may_move(v));
     loose.chain(held).zip(0..).for_each(|(v, n)| number[v] = n);
     number
+}
+
+/// The classes of matter along a lattice, as springs take them: those of what lies within each vertex, ascending, but for label 0.
+pub fn classes_along(lattice: &Lattice, labels: &Labels) -> Vec<u16> {
+    let rest: Vec<Vector3<f64>> = (0..lattice.keys().len()).map(|v| lattice.world(v).0).collect();
+    let (_, outward) = shares(lattice, &rest, &vec![true; rest.len()]);
+    let classes = outward.iter().enumerate().map(|(v, way)| vertex_class::inside(lattice, labels, v, *way));
+    let classes: BTreeSet<u16> = classes.filter(|class| *class > 0).collect();
+    classes.into_iter().collect()
 }
 
 /// A third of the area of its triangles (mm²) for each vertex, and the sum of their normals (mm²).

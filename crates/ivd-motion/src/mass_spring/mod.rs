@@ -60,6 +60,7 @@ use body::{Body, Region};
 use drives::{Drives, MILLINEWTON};
 use outcome::{Balance, Outcome};
 
+pub use body::classes_along;
 pub use links::{Kind, Link, links};
 pub use params::{Closeness, Descent, LoadRamp, Material, Params, Solver, Springs};
 
