@@ -139,6 +139,14 @@ pub struct Bone {
     pub carried: bool,
     /// Whether it goes where the handles on it go.
     pub fitted: bool,
+    /// How far from its middle, or its line, it holds what is there (mm); none where something else says that.
+    pub radius: Option<f64>,
+    /// How far from that others may follow (mm).
+    pub reach: f64,
+    /// Where each pane shows the ends of the line that it lies along, as shares.
+    pub at: [Option<[[f64; 2]; 2]>; 4],
+    /// How many slices these lie before or behind each slice; none of a bone along no line.
+    pub off: Option<[[f64; 3]; 2]>,
 }
 
 /// A deformation that wasn't possible: what is shown is the last that was.
@@ -207,8 +215,12 @@ pub struct Figures {
     pub size: [usize; 2],
     /// Azimuth and elevation (degrees).
     pub angles: [f64; 2],
+    /// How far the camera is turned about its line of sight (degrees).
+    pub roll: f64,
     /// Magnification.
     pub zoom: f64,
+    /// What lies in the middle of the volume's pane (mm, RAS).
+    pub middle: [f64; 3],
     /// What the volume's pane is wide, where the camera looks (mm).
     pub width_mm: f64,
     /// What lies to the left, right, top and bottom of the volume's pane.

@@ -9,6 +9,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
 
+mod bounds;
 mod colours;
 mod compared;
 mod error;
@@ -25,6 +26,7 @@ mod queue;
 mod request;
 mod save;
 mod service;
+mod sight;
 mod source;
 mod subject;
 mod tools;
@@ -33,7 +35,7 @@ pub use error::Error;
 pub use ivd_field::clip::{Cuboid, HalfSpace};
 pub use ivd_field::lies::Lies;
 pub use ivd_map::DepthWeight;
-pub use ivd_session::{ClipPart, Entry, Event, Physics, Step};
+pub use ivd_session::{ClipPart, Entry};
 
 pub use compared::{Compared, Shows};
 pub use figures::{
@@ -48,6 +50,7 @@ pub use preview::{Scan, VolumeAtRest};
 pub use request::{Axis, MapName, Pane, Request, Saved, SolverName};
 pub use save::File;
 pub use service::{Client, Frame, Output, Picture, Service};
+pub use sight::Sight;
 pub use source::{Opened, Source, demo_scene};
 pub use subject::{Subject, bare_scene};
 pub use tools::{KEYS, NOTICE, Tool, WEIGHTS};

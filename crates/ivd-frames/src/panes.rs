@@ -196,6 +196,7 @@ impl Panes {
             Request::Zoom { factor, at } => self.zoom(grid, lens, *factor, *at),
             Request::Look { side } => self.look_from(*side),
             Request::ResetView => self.view = self.whole,
+            Request::Show { sight } => self.view = sight.view(self.view, grid),
             _ => return false,
         }
         true

@@ -9,7 +9,7 @@ use crate::colours::Window;
 use crate::figures::{Hovered, Slice, letters};
 use crate::panes::Panes;
 use crate::planes::{Planes, value_at};
-use crate::{Error, Model, Pane, Picture, Request};
+use crate::{Error, Model, Pane, Picture, Request, Sight};
 
 /// Pixels of the volume's pane until somebody says how large it is.
 const SIZE: [usize; 2] = [512; 2];
@@ -86,6 +86,8 @@ pub(crate) struct Preview {
     versions: [u64; 3],
     /// Of the volume's pane, where somebody has said it.
     size: Option<[usize; 2]>,
+    /// What is to be seen, where somebody has said it.
+    sight: Option<Sight>,
     turned: Option<Turned>,
     exec: Exec,
 }
@@ -105,6 +107,7 @@ impl Preview {
             hovered: None,
             versions: [1; 3],
             size: None,
+            sight: None,
             turned: None,
             exec,
         }
@@ -113,7 +116,11 @@ impl Preview {
     /// The volume can be drawn.
     pub(crate) fn show_volume(&mut self, seen: AtRest) -> Result<(), Error> {
         let AtRest { volume, transfer, picture } = seen;
-        let panes = Panes::new(&volume, transfer.as_ref(), &picture, self.size.unwrap_or(SIZE), &self.exec)?;
+        let size = self.size.unwrap_or(SIZE);
+        let mut panes = Panes::new(&volume, transfer.as_ref(), &picture, size, &self.exec)?;
+        if let Some(sight) = self.sight {
+            panes.view = sight.view(panes.view, volume.grid());
+        }
         let lens = panes.lens(volume.grid())?;
         self.turned = Some(Turned { volume, transfer, panes, lens, version: 1 });
         Ok(())
@@ -125,7 +132,10 @@ impl Preview {
         match request {
             Request::Slice { pane, .. } => *pane != Pane::Volume,
             Request::Cross { pane, .. } | Request::Hover { pane, .. } => sees(pane),
-            Request::Window { .. } | Request::ResetColours | Request::Resize { .. } => true,
+            Request::Window { .. }
+            | Request::ResetColours
+            | Request::Resize { .. }
+            | Request::Show { .. } => true,
             request => self.turned.is_some() && request.turns_camera(),
         }
     }
@@ -159,8 +169,14 @@ impl Preview {
                     place.map(|place| Hovered::at_rest(*pane, place, &self.volume, self.shares(place)));
             }
             camera => {
-                if let Request::Resize { size } = camera {
-                    self.size = Some(*size);
+                match camera {
+                    Request::Resize { size } => self.size = Some(*size),
+                    Request::Show { sight } => {
+                        self.planes.meet(sight.cross, grid);
+                        (self.window, self.sight) = (sight.window(), Some(*sight));
+                        self.touch(&Pane::ALL[1..]);
+                    }
+                    _ => {}
                 }
                 if let Some(turned) = &mut self.turned {
                     let grid = turned.volume.grid();
@@ -245,7 +261,8 @@ impl Preview {
     /// Lets a model show what was shown last.
     pub(crate) fn hand_over(self, model: &mut Model) -> Result<(), Error> {
         let view = self.turned.and_then(|turned| turned.panes.turned());
-        model.show_as(self.planes.cross, self.window, view, self.size)
+        let radius = self.sight.map(|sight| sight.radius);
+        model.show_as(self.planes.cross, self.window, (view, self.size), radius)
     }
 }
 
@@ -260,6 +277,7 @@ impl Request {
                 | Self::Zoom { .. }
                 | Self::Look { .. }
                 | Self::ResetView
+                | Self::Show { .. }
         )
     }
 
@@ -271,6 +289,8 @@ impl Request {
                 | Self::Drag { .. }
                 | Self::Pin { .. }
                 | Self::Stroke { .. }
+                | Self::DrawBone { .. }
+                | Self::Joint { .. }
                 | Self::ClipHere { .. }
                 | Self::Cross { .. }
         );

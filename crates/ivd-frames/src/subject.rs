@@ -167,7 +167,7 @@ impl Subject {
         };
         let is_plain = asks("ao") || asks("shadow");
         let subject = Self {
-            made: Made::of(&scene, &settings, part.as_ref()),
+            made: Made::of(&scene, part.as_ref()),
             scene,
             volume,
             lattice,

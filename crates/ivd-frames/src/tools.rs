@@ -13,6 +13,8 @@ pub enum Tool {
     Pin,
     /// Cuts open along a line.
     Incise,
+    /// Makes a bone along a line.
+    Bone,
     /// Measures along a line.
     Measure,
     /// Brightness, contrast, colours.
@@ -21,8 +23,8 @@ pub enum Tool {
 
 impl Tool {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Turn, Self::Handle, Self::Pin, Self::Incise, Self::Measure, Self::Brightness];
+    pub const ALL: [Self; 7] =
+        [Self::Turn, Self::Handle, Self::Pin, Self::Incise, Self::Bone, Self::Measure, Self::Brightness];
 
     /// Its name.
     pub fn word(self) -> &'static str {
@@ -31,6 +33,7 @@ impl Tool {
             Self::Handle => "Handle",
             Self::Pin => "Pin",
             Self::Incise => "Cut open",
+            Self::Bone => "Bone",
             Self::Measure => "Measure",
             Self::Brightness => "Brightness",
         }
@@ -43,6 +46,9 @@ impl Tool {
             Self::Handle => "drag from a surface in any picture; wheel on a handle: its reach",
             Self::Pin => "press, in any picture, on what is to stay where it is",
             Self::Incise => "draw a line over the body, in any picture",
+            Self::Bone => {
+                "draw a line along it: what lies round it moves as one; from a bone's end: their joint"
+            }
             Self::Measure => "draw a line: its length; from a line's end: the angle",
             Self::Brightness => "drag over a picture: its contrast and brightness",
         }
@@ -55,6 +61,7 @@ impl Tool {
             Self::Handle => 'h',
             Self::Pin => 'p',
             Self::Incise => 'i',
+            Self::Bone => 'j',
             Self::Measure => 'm',
             Self::Brightness => 'b',
         }

@@ -102,6 +102,15 @@ pub enum Event {
         /// The motion.
         to: RigidTransform,
     },
+    /// A ball or capsule of bone holds more, or less.
+    SetBone {
+        /// Its number.
+        bone: Id,
+        /// How far from its middle, or its line (mm), > 0.
+        radius: f64,
+        /// How far from its vertices others may follow (mm).
+        reach: f64,
+    },
     /// A bone becomes soft again.
     RemoveBone {
         /// Its number.
@@ -189,6 +198,7 @@ impl Event {
             Self::Unshape { .. } => "remove a change of shape",
             Self::Bone { .. } => "add a bone",
             Self::Turn { .. } => "turn a bone",
+            Self::SetBone { .. } => "change a bone",
             Self::RemoveBone { .. } => "remove a bone",
             Self::Space { step: space::Step::Cut(_), .. } => "cut open",
             Self::Space { .. } => "displace space",
@@ -218,6 +228,7 @@ impl Event {
             | (Self::Place { handle: a, .. }, Self::Place { handle: b, .. })
             | (Self::Radius { handle: a, .. }, Self::Radius { handle: b, .. }) => a == b,
             (Self::Turn { bone: a, .. }, Self::Turn { bone: b, .. })
+            | (Self::SetBone { bone: a, .. }, Self::SetBone { bone: b, .. })
             | (Self::SetSpace { space: a, .. }, Self::SetSpace { space: b, .. })
             | (Self::MoveClip { clip: a, .. }, Self::MoveClip { clip: b, .. }) => a == b,
             (Self::Material { class: a, .. }, Self::Material { class: b, .. }) => a == b,

@@ -262,6 +262,17 @@ impl Settings {
                 (bone.pivot, bone.axis, bone.angle) = (Some(to.pivot), Some(to.axis), Some(to.angle));
                 (bone.by, bone.fit) = ((to.by != [0.0; 3]).then_some(to.by), false);
             }
+            Event::SetBone { bone, radius, reach } => {
+                let bone = at("set_bone", "bone", &mut next.bones, *bone)?;
+                if bone.radius.is_none() {
+                    return Err(Error::Event {
+                        event: "set_bone",
+                        problem: "what it holds goes by no radius".into(),
+                        remedy: "name a bone that is a ball or a capsule",
+                    });
+                }
+                (bone.radius, bone.reach) = (Some(*radius), *reach);
+            }
             Event::RemoveBone { bone } => take("remove_bone", "bone", &mut next.bones, *bone)?,
             Event::Space { id, step } => add("step in space", &mut next.space, *id, step.clone())?,
             Event::SetSpace { space, step } => {

@@ -153,6 +153,11 @@ impl Draw {
             15 if self.below(4) == 0 => Event::Reset,
             17 | 28 => Event::Bone { id: None, bone: Box::new(self.bone()) },
             18 | 29 | 30 => Event::Turn { bone: id(self, 3), to: self.turn() },
+            34 => Event::SetBone {
+                bone: id(self, 3),
+                radius: 2.0 + 3.0 * self.unit(),
+                reach: 4.0 * self.unit(),
+            },
             19 => Event::RemoveBone { bone: id(self, 3) },
             20 => Event::Space { id: None, step: self.step() },
             21 | 31 => Event::SetSpace { space: id(self, 4), step: self.step() },

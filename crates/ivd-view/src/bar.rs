@@ -6,7 +6,7 @@ use ivd_render::Side;
 
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
-use crate::keys;
+use crate::keys::{self, OWN};
 use crate::layout::Layout;
 use crate::over::name;
 use crate::system::Purpose;
@@ -188,6 +188,6 @@ pub(crate) fn quit(context: &Context) {
 
 /// What a tool does.
 fn doing(tool: Tool) -> &'static str {
-    let words = ivd_frames::KEYS.iter().find(|(word, _)| *word == tool.word());
+    let words = ivd_frames::KEYS.iter().chain(&OWN).find(|(word, _)| *word == tool.word());
     words.map_or("", |(_, what)| what)
 }

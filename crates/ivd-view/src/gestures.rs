@@ -25,6 +25,7 @@ enum Does {
     Handle,
     Pin,
     Incise,
+    Bone,
     Measure,
     Brightness,
     /// Moves the line that divides the pictures.
@@ -56,9 +57,9 @@ impl Hands {
         self.press.map(|press| press.pane)
     }
 
-    /// The line that is drawn in a pane, to cut or to measure along.
+    /// The line that is drawn in a pane, to cut or to measure or to make a bone along.
     pub(crate) fn line(&self, pane: Pane) -> Option<[[f64; 2]; 2]> {
-        let draws = |press: &Press| matches!(press.does, Does::Incise | Does::Measure);
+        let draws = |press: &Press| matches!(press.does, Does::Incise | Does::Bone | Does::Measure);
         let press = self.press.filter(|press| press.pane == pane && draws(press))?;
         Some([press.first, press.at])
     }
@@ -94,6 +95,7 @@ impl Hands {
             (Button::Left, Tool::Handle) => Does::Handle,
             (Button::Left, Tool::Pin) => Does::Pin,
             (Button::Left, Tool::Incise) => Does::Incise,
+            (Button::Left, Tool::Bone) => Does::Bone,
             (Button::Left, Tool::Measure) => Does::Measure,
             (Button::Left, Tool::Brightness) => Does::Brightness,
         };
@@ -125,7 +127,7 @@ impl Hands {
             Does::Brightness => Some(Request::Window { by }),
             Does::Handle => Some(Request::Drag { to: within, lock: self.lock }),
             Does::Divide => Some(Request::Compare { shows: Shows::Both, at: at[0].clamp(0.0, 1.0) }),
-            Does::Pan | Does::Zoom | Does::Pin | Does::Incise | Does::Measure => None,
+            Does::Pan | Does::Zoom | Does::Pin | Does::Incise | Does::Bone | Does::Measure => None,
         }
     }
 
@@ -137,6 +139,7 @@ impl Hands {
         let (pane, [from, to]) = (press.pane, [press.first, press.at].map(within));
         match press.does {
             Does::Incise => requests.push(Request::Stroke { pane, from, to }),
+            Does::Bone => requests.push(Request::DrawBone { pane, from, to }),
             Does::Measure => requests.push(Request::Measure { pane, from, to }),
             _ => {}
         }

@@ -22,9 +22,14 @@ pub(crate) const BOTH: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE,
 const REDO_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Y);
 
 /// Keys and buttons that this window has beside those of every window.
-pub(crate) const OWN: [(&str, &str); 6] = [
+pub(crate) const OWN: [(&str, &str); 8] = [
     ("Ctrl+O, Ctrl+S, Ctrl+Q", "open, save the scene, quit"),
     ("Ctrl+R", "record the volume's picture; again: stop, and keep it"),
+    (
+        "Bone",
+        "left: draw a line along it, from its joint on: what of the surface lies round it moves as one, and is turned in the list; from an end of another bone: that carries it. It needs springs",
+    ),
+    ("J", "the tool Bone"),
     ("double click, with the tool Turn", "one picture alone; again: all of them"),
     ("Tab", "to the next part of the window; Space or Enter presses it"),
     ("Ctrl++, Ctrl+-", "larger and smaller letters"),

@@ -6,32 +6,21 @@ use ivd_frames::{Figures, Made, Source};
 use crate::again::Making;
 use crate::window::Window;
 
-/// Solvers: what a scene calls each, and a person.
-const SOLVERS: [(&str, &str); 4] = [
-    ("ring", "rings about handles"),
-    ("projective", "springs at rest"),
-    ("dynamics", "springs in time"),
-    ("xpbd", "springs as constraints"),
-];
+/// What a value of the surface does to what was found by itself.
+const CLASSES_GO: &str =
+    "With a value that is said no classes are looked for: their colours and stiffness go.";
 
 /// What is wanted otherwise, as it is typed and chosen.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Wish {
     iso: String,
     part: Option<String>,
-    solver: String,
-    stiffness: String,
 }
 
 impl Wish {
     /// As it is.
     fn of(made: &Made) -> Self {
-        Self {
-            iso: made.iso.map_or_else(String::new, |iso| iso.to_string()),
-            part: made.part.clone(),
-            solver: made.solver.to_owned(),
-            stiffness: made.stiffness.to_string(),
-        }
+        Self { iso: made.iso.map_or_else(String::new, |iso| iso.to_string()), part: made.part.clone() }
     }
 
     /// The same source with what differs.
@@ -41,8 +30,6 @@ impl Wish {
         for (key, now, was) in [
             ("lattice.iso", Some(&self.iso), Some(&is.iso)),
             ("boundary.class", self.part.as_ref(), is.part.as_ref()),
-            ("deform.solver", Some(&self.solver), Some(&is.solver)),
-            ("deform.stiffness", Some(&self.stiffness), Some(&is.stiffness)),
         ] {
             if now == was {
                 continue;
@@ -64,25 +51,13 @@ impl Window {
             let mut wish = self.wish.take().unwrap_or_else(|| Wish::of(made));
             ui.horizontal(|ui| {
                 let field = TextEdit::singleline(&mut wish.iso).hint_text(found(made)).desired_width(110.0);
-                let field = ui.add(field).accessible_name("Value of the surface");
-                field.on_hover_text("A value that is said here takes the place of classes: what goes by them goes, such as their colours and stiffness");
+                ui.add(field).accessible_name("Value of the surface");
                 ui.label("value of the surface");
             });
+            if made.iso.is_none() && !wish.iso.trim().is_empty() && !figures.classes.is_empty() {
+                ui.weak(CLASSES_GO);
+            }
             part(ui, figures, &mut wish.part);
-            let word = SOLVERS.iter().find(|(solver, _)| *solver == wish.solver);
-            let word = word.map_or(&*wish.solver, |(_, word)| word);
-            ComboBox::from_label("Follows as").selected_text(word).show_ui(ui, |ui| {
-                for (solver, word) in SOLVERS {
-                    if ui.selectable_label(wish.solver == solver, word).clicked() {
-                        solver.clone_into(&mut wish.solver);
-                    }
-                }
-            });
-            ui.horizontal(|ui| {
-                let field = TextEdit::singleline(&mut wish.stiffness).desired_width(110.0);
-                ui.add(field).accessible_name("Stiffness that it is made with, N/m");
-                ui.label("N/m stiff");
-            });
             let differs = wish != Wish::of(made);
             // How the session was opened that an older log goes on from isn't known.
             let is_last = self.work.as_ref().is_some_and(|work| work.is_last);
@@ -156,7 +131,7 @@ mod tests {
 
     #[test]
     fn only_what_differs_is_said_and_what_is_taken_back_is_said_no_more() {
-        let made = Made { iso: Some(40.0), solver: "ring", stiffness: 50.0, ..Made::default() };
+        let made = Made { iso: Some(40.0), ..Made::default() };
         let source = Source { overrides: vec!["lattice.iso=40".parse().unwrap()], ..Source::default() };
         let said = |wish: &Wish| {
             let source = wish.source(&made, &source).unwrap();
@@ -166,9 +141,7 @@ mod tests {
         let is = Wish::of(&made);
         assert_eq!(said(&is), ["lattice.iso=40"]);
         assert_eq!(said(&Wish { iso: " 60.5 ".to_owned(), ..is.clone() }), ["lattice.iso=60.5"]);
-        let part = Wish { iso: String::new(), part: Some("3".to_owned()), ..is.clone() };
+        let part = Wish { iso: String::new(), part: Some("3".to_owned()) };
         assert_eq!(said(&part), ["boundary.class=3"]);
-        let matter = Wish { solver: "projective".to_owned(), stiffness: "80".to_owned(), ..is };
-        assert_eq!(said(&matter)[1..], ["deform.solver=\"projective\"", "deform.stiffness=80"]);
     }
 }

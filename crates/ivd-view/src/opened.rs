@@ -5,6 +5,7 @@ use std::path::Path;
 use egui::{Context, ViewportCommand};
 use ivd_frames::Source;
 
+use crate::again::Seen;
 use crate::dialogs::{Dialog, Then};
 use crate::gestures::Hands;
 use crate::journal::left_over;
@@ -66,8 +67,8 @@ impl Window {
         (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
         (self.wish, self.making) = (None, None);
-        self.looks.clear();
-        self.ruler_from = None;
+        self.seen = Seen::default();
+        (self.ruler_from, self.bone_from) = (None, None);
         self.asked = None;
         self.size = ([0; 2], 0.0, true);
         self.lost = false;

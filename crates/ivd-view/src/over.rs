@@ -1,7 +1,7 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
-use ivd_frames::{Figures, Hovered, Overlay, Pane, Ruler, Shows, Spot, Tool};
+use ivd_frames::{Bone, Figures, Hovered, Overlay, Pane, Ruler, Shows, Spot, Tool};
 
 use crate::rulers::{degrees, mm};
 use crate::shown::Shown;
@@ -11,6 +11,7 @@ const HANDLE: Color32 = Color32::from_rgb(255, 180, 84);
 const HELD: Color32 = Color32::from_rgb(255, 212, 121);
 const PIN: Color32 = Color32::from_rgb(108, 182, 255);
 const CUT: Color32 = Color32::from_rgb(245, 245, 245);
+const BONE: Color32 = Color32::from_rgb(235, 215, 160);
 const RULER: Color32 = Color32::from_rgb(190, 240, 110);
 const REST: Color32 = Color32::from_rgb(240, 160, 220);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
@@ -35,7 +36,7 @@ pub(crate) struct Over<'a> {
     pub(crate) tool: Tool,
     /// Whether the pointer is over a picture.
     pub(crate) pointed: bool,
-    /// The line that is drawn, to cut or to measure along.
+    /// The line that is drawn, to cut, to measure or to make a bone along.
     pub(crate) line: Option<[[f64; 2]; 2]>,
 }
 
@@ -46,6 +47,7 @@ impl Over<'_> {
         if let Some(figures) = self.shown.figures() {
             self.spots(figures);
             self.cut(figures);
+            figures.bones.iter().for_each(|bone| self.bone(bone));
             figures.rulers.iter().for_each(|ruler| self.ruler(figures, ruler));
             self.legend(figures);
             self.states(figures);
@@ -148,7 +150,11 @@ impl Over<'_> {
         let [from, to] = line.map(|end| self.place(end));
         self.painter.line_segment([from, to], Stroke::new(4.0, Color32::BLACK.gamma_multiply(0.6)));
         let measures = self.tool == Tool::Measure;
-        let colour = if measures { RULER } else { CUT };
+        let colour = match self.tool {
+            Tool::Measure => RULER,
+            Tool::Bone => BONE,
+            _ => CUT,
+        };
         self.painter.line_segment([from, to], Stroke::new(2.0, colour));
         let length = f64::from(from.distance(to) / scale);
         let length = match self.pane {
@@ -158,6 +164,23 @@ impl Over<'_> {
             _ => format!("{length:.0} mm"),
         };
         self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, colour);
+    }
+
+    /// The line that a bone lies along, from its joint on.
+    fn bone(&self, bone: &Bone) {
+        let number = self.pane.number();
+        let Some([from, to]) = bone.at[number].map(|ends| ends.map(|end| self.place(end))) else { return };
+        let slice = number.checked_sub(1);
+        let is_beside = |off: &[f64; 3]| slice.is_some_and(|slice| off[slice].abs() > BESIDE);
+        let faint = bone.off.is_some_and(|off| off.iter().any(is_beside));
+        let share = if faint { 0.3 } else { 1.0 };
+        self.painter.line_segment([from, to], Stroke::new(5.0, Color32::BLACK.gamma_multiply(0.6 * share)));
+        self.painter.line_segment([from, to], Stroke::new(3.0, BONE.gamma_multiply(share)));
+        self.ring(from, 5.0, BONE.gamma_multiply(share), 2.0);
+        self.painter.circle_filled(to, 3.0, BONE.gamma_multiply(share));
+        if !faint {
+            self.write(to + vec2(6.0, -4.0), Align2::LEFT_BOTTOM, &bone.name, LETTERS, BONE);
+        }
     }
 
     /// A ruler with its lengths, and its angle where it has one.

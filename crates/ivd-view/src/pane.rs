@@ -68,7 +68,7 @@ impl Window {
         Over { painter: &painter, pane, rect, room, shown, tool, pointed, line }.draw();
         if self.is_over_line(ui, &response, room) {
             ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
-        } else if matches!(self.tool, Tool::Incise | Tool::Measure) && response.hovered() {
+        } else if matches!(self.tool, Tool::Incise | Tool::Bone | Tool::Measure) && response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
         }
         if response.has_focus() {

@@ -11,6 +11,7 @@ impl Pending {
     pub(crate) fn ask(&mut self, request: &Request) {
         match request {
             Request::Turn { .. }
+            | Request::SetBone { .. }
             | Request::Open { .. }
             | Request::MoveClip { .. }
             | Request::Compare { .. } => {
@@ -39,9 +40,13 @@ impl Pending {
 
     fn compare(&mut self, bones: &[Bone], incision: Option<&Incision>, clips: &[Clipped], is_refused: bool) {
         let is_shown = match &self.0 {
-            Some(Request::Turn { bone, angle, by, .. }) => {
+            Some(Request::Turn { bone, axis, angle, by, .. }) => {
                 let shown = bones.iter().find(|one| one.id == *bone);
-                shown.is_none_or(|one| one.angle == *angle && one.by == *by)
+                shown.is_none_or(|one| one.angle == *angle && one.by == *by && one.axis == *axis)
+            }
+            Some(Request::SetBone { bone, radius, reach }) => {
+                let shown = bones.iter().find(|one| one.id == *bone);
+                shown.is_none_or(|one| one.radius == Some(*radius) && one.reach == *reach)
             }
             Some(Request::Open { space, radius, open }) => {
                 let shown = incision.filter(|cut| cut.id == *space);
@@ -71,6 +76,9 @@ impl Pending {
         match self.0 {
             Some(Request::Turn { bone, pivot, axis, angle, by }) if bone == shown.id => {
                 Bone { pivot: Some(pivot), axis, angle, by, ..shown.clone() }
+            }
+            Some(Request::SetBone { bone, radius, reach }) if bone == shown.id => {
+                Bone { radius: Some(radius), reach, ..shown.clone() }
             }
             _ => shown.clone(),
         }
@@ -110,6 +118,10 @@ mod tests {
             by: [0.0; 3],
             carried: false,
             fitted: false,
+            radius: Some(2.0),
+            reach: 5.0,
+            at: [None; 4],
+            off: None,
         };
         let turn = |angle, by| Request::Turn { bone: 3, pivot: [0.0; 3], axis: [0.0, 0.0, 1.0], angle, by };
         let mut pending = Pending::default();

@@ -1,9 +1,9 @@
 use std::path::PathBuf;
 
 use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui, UiBuilder};
-use ivd_frames::{Class, Pane, Request, Source, Tool};
+use ivd_frames::{Pane, Request, Source, Tool};
 
-use crate::again::{Before, Making};
+use crate::again::{Before, Making, Seen};
 use crate::dialogs::{Dialog, Then};
 use crate::files;
 use crate::gestures::Hands;
@@ -49,12 +49,14 @@ pub struct Window {
     pub(crate) making: Option<Making>,
     /// What is made again, and what was open before it, to go back to.
     pub(crate) before: Option<Before>,
-    /// How the classes of what is made again are to look.
-    pub(crate) looks: Vec<Class>,
+    /// How what is made again is to be seen.
+    pub(crate) seen: Seen,
     /// Of a new handle, as it is typed.
     pub(crate) place: String,
     /// Where a ruler begins that is put by keyboard (mm, RAS).
     pub(crate) ruler_from: Option<[f64; 3]>,
+    /// Where a bone begins that is made by keyboard.
+    pub(crate) bone_from: Option<[f64; 3]>,
     /// Where a picture of the window goes, and from which pass on it is taken.
     pub(crate) photograph: Option<(PathBuf, u64)>,
     /// What is recorded, or was and isn't kept yet.
@@ -91,9 +93,10 @@ impl Window {
             wish: None,
             making: None,
             before: None,
-            looks: Vec::new(),
+            seen: Seen::default(),
             place: String::new(),
             ruler_from: None,
+            bone_from: None,
             photograph: None,
             recording: None,
             notes: Vec::new(),

@@ -1,6 +1,5 @@
 //! Planes and boxes that clip.
 
-use ivd_core::VoxelIndex;
 use ivd_field::clip::{Cuboid, HalfSpace};
 use ivd_field::lies::Lies;
 use ivd_session::{ClipPart, ClipRule, Event};
@@ -27,16 +26,13 @@ impl Model {
         if self.session.settings().clip.parts.is_empty() || self.compared.shows == Shows::Rest {
             return false;
         }
-        let (shown, whole) = (self.session.deformed(), self.session.whole());
-        let grid = shown.grid();
+        let dims = self.session.rest().grid().dims();
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-        let mut voxels = (0..grid.dims()[v]).flat_map(|b| (0..grid.dims()[u]).map(move |a| [a, b]));
+        let mut voxels = (0..dims[v]).flat_map(|b| (0..dims[u]).map(move |a| [a, b]));
         voxels.any(|[a, b]| {
             let mut at = [slice; 3];
             (at[u], at[v]) = (a, b);
-            let [shown, whole] = [shown, whole].map(|volume| volume.value(VoxelIndex(at)));
-            // What is no number stays none.
-            shown != whole && !(shown.is_nan() && whole.is_nan())
+            self.is_taken(at)
         })
     }
 

@@ -1,10 +1,14 @@
 //! The body at rest, in the place of what is shown or beside it.
 
-use ivd_core::{Exec, Image, Volume};
+use ivd_core::{Exec, Image, Volume, VoxelIndex};
+use ivd_report::Plane;
 
 use super::Model;
 use crate::compared::divided;
-use crate::{Compared, Error, Overlay, Pane, Shows};
+use crate::{Compared, Error, Pane, Shows};
+
+/// How much of its grey what is taken away has in red, green and blue.
+const TAKEN: [f64; 3] = [0.25, 0.3, 0.45];
 
 impl Model {
     /// Shows another state of the body, or divides the pictures elsewhere.
@@ -36,7 +40,7 @@ impl Model {
 
     /// The body as it is told of where no pane is pointed at.
     pub(crate) fn told(&self) -> &Volume {
-        if self.compared.shows == Shows::Rest { self.session.rest() } else { self.session.deformed() }
+        if self.compared.shows == Shows::Rest { self.session.rest() } else { self.session.whole() }
     }
 
     /// What the panes show.
@@ -62,8 +66,16 @@ impl Model {
     /// Those of pictures; cancellation.
     pub fn draw(&self, pane: Pane, coarser: usize, exec: &Exec) -> Result<Image, Error> {
         let Compared { shows, at } = self.compared;
-        let rest = || self.drawn(pane, self.session.rest(), None, coarser, exec);
-        let now = || self.drawn(pane, self.session.deformed(), self.overlay, coarser, exec);
+        let rest = || match self.panes.planes.plane(pane) {
+            Some(plane) => {
+                self.panes.planes.draw(plane, self.session.rest(), self.window, |_, grey| [grey; 3])
+            }
+            None => self.panes.draw(self.session.rest(), self.transfer.as_ref(), coarser, exec),
+        };
+        let now = || match self.panes.planes.plane(pane) {
+            Some(plane) => self.slice_now(plane),
+            None => self.panes.draw(self.session.deformed(), self.transfer.as_ref(), coarser, exec),
+        };
         match shows {
             Shows::Now => now(),
             Shows::Rest => rest(),
@@ -71,22 +83,23 @@ impl Model {
         }
     }
 
-    /// Draws a state of the body in a pane, with colours over it.
-    fn drawn(
-        &self,
-        pane: Pane,
-        volume: &Volume,
-        overlay: Option<Overlay>,
-        coarser: usize,
-        exec: &Exec,
-    ) -> Result<Image, Error> {
-        match self.panes.planes.plane(pane) {
-            Some(plane) => self.panes.planes.draw(plane, volume, self.window, |voxel, grey| {
-                let largest_mm = self.session.last().largest_mm;
-                let colour = |of: Overlay| of.over(self.session.displacement(), largest_mm, voxel, grey);
-                overlay.map_or([grey; 3], colour)
-            }),
-            None => self.panes.draw(volume, self.transfer.as_ref(), coarser, exec),
-        }
+    /// Draws a slice of the body as it is now, with colours over it; what planes and boxes take away of it is dark.
+    fn slice_now(&self, plane: &Plane) -> Result<Image, Error> {
+        let largest_mm = self.session.last().largest_mm;
+        let clips = !self.session.settings().clip.parts.is_empty();
+        self.panes.planes.draw(plane, self.session.whole(), self.window, |voxel, grey| {
+            if clips && self.is_taken(voxel) {
+                return TAKEN.map(|share| (share * f64::from(grey)).round() as u8);
+            }
+            self.overlay.map_or([grey; 3], |of| of.over(self.session.displacement(), largest_mm, voxel, grey))
+        })
+    }
+
+    /// Whether planes and boxes take something else than background away in a voxel.
+    pub(super) fn is_taken(&self, voxel: [usize; 3]) -> bool {
+        let [shown, whole] =
+            [self.session.deformed(), self.session.whole()].map(|volume| volume.value(VoxelIndex(voxel)));
+        // What is no number stays none.
+        shown != whole && !(shown.is_nan() && whole.is_nan())
     }
 }

@@ -36,7 +36,7 @@ impl Model {
         let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
         let vertex = found.ok().and_then(|picks| picks.first().copied());
         let now = vertex.map(|pick| self.now_at(&pick));
-        let volume = self.session.deformed();
+        let volume = self.session.whole();
         let grid = volume.grid();
         Ok(Some(Hovered {
             pane,

@@ -1,5 +1,6 @@
 //! A session with what a window shows of it: requests change it, and it says which panes that touches.
 
+mod bones;
 mod clips;
 mod compare;
 mod hand;
@@ -168,13 +169,15 @@ impl Model {
     /// Shows what was shown before there was a model.
     ///
     /// - `view`, `size`: of the volume's pane, where somebody has turned it or said how large it is.
+    /// - `radius`: of the next handle, where somebody has said it.
     pub(crate) fn show_as(
         &mut self,
         cross: [f64; 3],
         window: Window,
-        view: Option<View>,
-        size: Option<[usize; 2]>,
+        (view, size): (Option<View>, Option<[usize; 2]>),
+        radius: Option<f64>,
     ) -> Result<(), Error> {
+        self.radius = radius.unwrap_or(self.radius);
         (self.panes.planes.cross, self.window) = (cross, window);
         self.touch(&Pane::ALL[1..]);
         self.panes.view = view.unwrap_or(self.panes.view);
@@ -203,6 +206,18 @@ impl Model {
             | Request::ResetView => {
                 self.panes.turn(&grid, &self.lens, request);
                 self.moved_camera()
+            }
+            Request::Show { sight } => {
+                let before = self.panes.view;
+                self.panes.turn(&grid, &self.lens, request);
+                if let Err(error) = self.moved_camera() {
+                    self.panes.view = before;
+                    return Err(error);
+                }
+                self.panes.planes.meet(sight.cross, &grid);
+                (self.window, self.radius, self.hovered) = (sight.window(), sight.radius, None);
+                self.touch(&Pane::ALL[1..]);
+                Ok(())
             }
             Request::Window { by } => {
                 let least = 1e-6 * (self.first_window.high - self.first_window.low);
@@ -301,9 +316,15 @@ impl Model {
             | Request::MoveClip { .. }
             | Request::ClipIn { .. }
             | Request::Unclip { .. } => self.change_clip(request),
-            Request::Incise { .. } | Request::Open { .. } | Request::Close { .. } | Request::Turn { .. } => {
-                self.change_part(request)
-            }
+            Request::DrawBone { pane, from, to } => self.draw_bone(*pane, *from, *to),
+            Request::Bone { from, to } => self.place_bone([*from, *to]),
+            Request::Incise { .. }
+            | Request::Open { .. }
+            | Request::Close { .. }
+            | Request::Turn { .. }
+            | Request::SetBone { .. }
+            | Request::Joint { .. }
+            | Request::RemoveBone { .. } => self.change_part(request),
             Request::Undo => {
                 self.let_go()?;
                 let exec = self.in_time();

@@ -110,6 +110,9 @@ impl Model {
             Request::Turn { bone, pivot, axis, angle, by } => {
                 self.apply(Event::Turn { bone, to: RigidTransform { pivot, axis, angle, by } })
             }
+            Request::SetBone { bone, radius, reach } => self.apply(Event::SetBone { bone, radius, reach }),
+            Request::Joint { bone } => self.join(bone),
+            Request::RemoveBone { bone } => self.apply(Event::RemoveBone { bone }),
             _ => Ok(()),
         }
     }

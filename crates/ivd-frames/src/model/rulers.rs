@@ -108,22 +108,24 @@ impl Model {
 
     /// The end of a ruler that a pane shows at a place: which ruler, and which end of it; the newest first, and no middle of three.
     fn end_near(&self, pane: Pane, at: [f64; 2]) -> Option<(usize, usize)> {
-        let grid = self.session.rest().grid();
-        let away = |end: &End| {
-            let place = self.shown_end(end);
-            let there = self.panes.shares(grid, &self.lens, place)[pane.number()]?;
-            let off = pane.number().checked_sub(1).map(|slice| self.panes.planes.off(grid, place)[slice]);
-            let is_there = off.is_none_or(|off| off.abs() <= BESIDE);
-            is_there.then(|| (there[0] - at[0]).hypot(there[1] - at[1]))
-        };
         let ends = self.rulers.iter().enumerate().rev().flat_map(|(ruler, one)| {
             let ends = one.ends.iter().enumerate().map(move |(end, place)| (ruler, end, place));
             let is_three = one.ends.len() == 3;
             ends.filter(move |(_, end, _)| !(is_three && *end == 1))
         });
-        let near = ends.filter_map(|(ruler, end, place)| Some((away(place)?, ruler, end)));
-        let near = near.filter(|(away, ..)| *away <= NEAR).min_by(|a, b| a.0.total_cmp(&b.0));
-        near.map(|(_, ruler, end)| (ruler, end))
+        let near = ends.filter_map(|(ruler, end, place)| {
+            Some((self.away(pane, self.shown_end(place), at)?, ruler, end))
+        });
+        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, ruler, end)| (ruler, end))
+    }
+
+    /// How far from a place that is pointed at a pane shows another (shares of it), where it is near.
+    pub(super) fn away(&self, pane: Pane, place: [f64; 3], at: [f64; 2]) -> Option<f64> {
+        let grid = self.session.rest().grid();
+        let there = self.panes.shares(grid, &self.lens, place)[pane.number()]?;
+        let off = pane.number().checked_sub(1).map(|slice| self.panes.planes.off(grid, place)[slice]);
+        let away = (there[0] - at[0]).hypot(there[1] - at[1]);
+        (away <= NEAR && off.is_none_or(|off| off.abs() <= BESIDE)).then_some(away)
     }
 
     /// The body has moved: what is measured goes with it.

@@ -62,7 +62,7 @@ impl Model {
 
     /// Refuses a line over a slice where all of it is black.
     fn check_seen(&self, first: Vector3<f64>, last: Vector3<f64>) -> Result<(), Error> {
-        let volume = self.session.deformed();
+        let volume = self.session.whole();
         let finest = volume.grid().spacing().into_iter().fold(f64::INFINITY, f64::min);
         let count = ((last - first).norm() / finest).ceil().clamp(1.0, LOOKED_AT) as usize;
         let places = (0..=count).map(|i| first + (last - first) * (i as f64 / count as f64));

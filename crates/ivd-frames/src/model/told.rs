@@ -2,12 +2,10 @@
 
 use ivd_core::VoxelCoord;
 use ivd_field::lies::Lies;
-use ivd_motion::deform;
-use ivd_motion::rigid::RigidTransform;
-use ivd_session::{MapChoice, Numbered, Physics};
+use ivd_session::{MapChoice, Physics};
 
 use super::Model;
-use crate::figures::{Bone, Clipped, Figures, letters};
+use crate::figures::{Clipped, Figures, letters};
 use crate::planes::value_at;
 
 impl Figures {
@@ -30,12 +28,14 @@ impl Figures {
         Self {
             size: panes.size,
             angles: panes.view.angles,
+            roll: panes.view.roll,
             zoom: panes.view.zoom,
+            middle: model.lens.middle(),
             width_mm: panes.width_mm(&model.lens),
             letters: lettered.then(|| letters(&model.lens)),
             handles: model.spots.clone(),
             pins: model.pins.clone(),
-            bones: settings.bones.iter().map(bone).collect(),
+            bones: model.told_bones(),
             space: settings.space.iter().map(|one| one.id).collect(),
             incision: model.incision(),
             rulers: model.told_rulers(),
@@ -75,20 +75,5 @@ impl Figures {
             made: model.subject.made.clone(),
             said: model.subject.said.clone(),
         }
-    }
-}
-
-/// A bone; one without a point to turn about turns about the middle of where it is said to lie.
-fn bone(one: &Numbered<deform::Bone>) -> Bone {
-    let told = &one.what;
-    Bone {
-        id: one.id,
-        name: told.name.clone().unwrap_or_else(|| one.id.to_string()),
-        pivot: told.pivot.or(told.ball().0),
-        axis: told.axis.unwrap_or(RigidTransform::NONE.axis),
-        angle: told.angle.unwrap_or(0.0),
-        by: told.by.unwrap_or([0.0; 3]),
-        carried: told.parent.is_some(),
-        fitted: told.fit,
     }
 }

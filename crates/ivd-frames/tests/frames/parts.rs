@@ -2,7 +2,7 @@
 
 use ivd_core::{Exec, VoxelIndex};
 use ivd_field::shape::{Kind, Shape};
-use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request, Saved};
+use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request, Saved, Sight};
 use ivd_map::space::Step;
 use ivd_session::Event;
 use nalgebra::Vector3;
@@ -347,6 +347,62 @@ fn slices_tell_where_planes_and_boxes_take_something_away() {
         !far && told.slices[2].slice == 24 && told.slices[2].clipped,
         "beside the ball there is nothing to take"
     );
+    // All of that slice is taken; it can be read all the same, and pointed at.
+    let [axial, sagittal] = [Pane::Axial, Pane::Sagittal].map(|pane| pixels(&model, pane));
+    let told = follow(&mut model, &Request::Hover { pane: Pane::Sagittal, at: [0.5, 0.5] });
+    assert!(told.hovered.unwrap().value.is_some_and(|value| value > 127.5), "as it was before it was taken");
     let told = follow(&mut model, &Request::Unclip { clip: 0 });
     assert_eq!(clipped(&told), [false; 3]);
+    let taken = |grey: u8| [0.25, 0.3, 0.45].map(|share| (share * f64::from(grey)).round() as u8);
+    let mut kept = [0, 0];
+    for (clipped, whole) in [(axial, Pane::Axial), (sagittal, Pane::Sagittal)] {
+        for (clipped, whole) in clipped.iter().zip(pixels(&model, whole)) {
+            let is_kept = *clipped == whole;
+            assert!(is_kept || *clipped == taken(whole[0]), "{clipped:?} of {whole:?}");
+            kept[usize::from(is_kept)] += usize::from(whole[0] > 0);
+        }
+    }
+    assert!(kept.into_iter().all(|voxels| voxels > 100), "taken and kept: {kept:?}");
+}
+
+/// A slice: red, green and blue of its pixels.
+fn pixels(model: &Model, pane: Pane) -> Vec<[u8; 3]> {
+    let image = model.draw(pane, 1, &Exec::default()).unwrap();
+    image.rgba().chunks(4).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
+}
+
+#[test]
+fn what_was_seen_once_is_seen_again() {
+    let mut model = model(BALL);
+    for request in [
+        Request::Orbit { by: [0.3, -0.2] },
+        Request::Zoom { factor: 1.7, at: [0.4, 0.6] },
+        Request::Window { by: [0.2, 0.1] },
+        Request::Radius { handle: None, radius: 6.5 },
+        Request::Slice { pane: Pane::Axial, steps: 4 },
+    ] {
+        follow(&mut model, &request);
+    }
+    let was = model.figures();
+    let pictures = Pane::ALL.map(|pane| model.draw(pane, 1, &Exec::default()).unwrap());
+    let mut other = self::model(BALL);
+    assert_ne!(other.figures().sight(), was.sight());
+    let told = follow(&mut other, &Request::Show { sight: was.sight() });
+    assert_eq!(told.sight(), was.sight());
+    assert!(told.undo.is_none() && !told.unsaved, "and nothing was done");
+    assert_eq!(Pane::ALL.map(|pane| other.draw(pane, 1, &Exec::default()).unwrap()), pictures);
+    for wrong in [
+        Sight { angles: [0.0, 91.0], ..was.sight() },
+        Sight { zoom: 0.0, ..was.sight() },
+        Sight { window: [3.0, 3.0], ..was.sight() },
+        Sight { cross: [f64::NAN; 3], ..was.sight() },
+        Sight { radius: 0.0, ..was.sight() },
+        Sight { radius: 1e99, ..was.sight() },
+        Sight { roll: 1e5, ..was.sight() },
+        Sight { cross: [1e308; 3], ..was.sight() },
+        Sight { window: [-1.7e308, 1.7e308], ..was.sight() },
+    ] {
+        assert!(other.follow(&Request::Show { sight: wrong }).is_err(), "{wrong:?}");
+    }
+    assert_eq!(other.figures().sight(), was.sight());
 }

@@ -49,6 +49,12 @@ impl RigidTransform {
         self.angle == 0.0 && self.by == [0.0; 3]
     }
 
+    /// Where it brings a point (mm, RAS).
+    pub fn carries(&self, point: [f64; 3]) -> [f64; 3] {
+        let point = Vector3::from(point);
+        (point + self.after(1.0).displacement(point)).into()
+    }
+
     /// The same relative to an origin (mm, RAS).
     pub(super) fn relative_to(&self, origin: Vector3<f64>) -> Self {
         Self { pivot: (Vector3::from(self.pivot) - origin).into(), ..*self }

@@ -1,5 +1,6 @@
 #![allow(clippy::unwrap_used, reason = "a test ends where something is missing")]
 
+mod bones;
 mod common;
 mod compared;
 mod drawn;

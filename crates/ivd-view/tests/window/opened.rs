@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use egui::Key;
 use egui_kittest::kittest::Queryable as _;
 use ivd_frames::{Figures, Source};
 
@@ -56,9 +57,18 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     // Made again, it is still hidden.
     chosen(&mut here, "Made of");
     here.harness.run_ok();
-    type_into(&mut here, "Stiffness that it is made with, N/m", "80");
+    chosen(&mut here, "Part");
+    here.harness.run_ok();
+    here.press("the largest class");
+    here.harness.run_ok();
     chosen(&mut here, "Make again");
-    here.told("stiffer, and hidden", |told| told.stiffness == 80.0 && told.classes[0].hidden);
+    let told = here.told("of another part, and hidden", |told| {
+        told.made.part.as_deref() == Some("largest") && told.classes[0].hidden
+    });
+    // A value takes the place of classes: it is said before.
+    assert!(!told.classes.is_empty() && !here.has("no classes are looked for"));
+    type_into(&mut here, "Value of the surface", "140");
+    assert!(here.has("no classes are looked for"));
 }
 
 #[test]
@@ -118,7 +128,11 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     assert_eq!(here.figures().made.iso, Some(127.5));
     here.press("Handle where the slices meet");
     here.press("Pin where the slices meet");
-    let vertices = here.told("a handle and a pin", |told| told.pins.len() == 1 && told.unsaved).vertices;
+    here.harness.key_press(Key::Num3);
+    let was = here.told("a handle and a pin, from the left", |told| {
+        told.pins.len() == 1 && told.unsaved && told.angles[0] != 0.0
+    });
+    let vertices = was.vertices;
     here.press("Made of");
     here.harness.run_ok();
     assert_named(&here);
@@ -128,7 +142,10 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     let told = here.told("a smaller ball", kept(140.0));
     assert!(told.vertices < vertices && told.handles.len() == 1, "{} {vertices}", told.vertices);
     assert!(told.unsaved && told.undo.as_deref() == Some("pin") && told.missed.is_empty());
+    // Seen as it was, and how far the handle has gone is told.
+    assert_eq!(told.sight(), was.sight());
     here.settle();
+    assert!(here.has("handles took vertices up to"));
     here.press("Undo");
     here.told("a step less", |told| told.pins.is_empty() && told.redo.is_some());
     // What no scene takes is told, and nothing is lost.

@@ -21,7 +21,7 @@ fn button(here: &mut Here, pos: Pos2, pressed: bool) {
 }
 
 /// Draws from one place to another with the left button.
-fn draw(here: &mut Here, from: Pos2, to: Pos2) {
+pub(crate) fn draw(here: &mut Here, from: Pos2, to: Pos2) {
     button(here, from, true);
     for share in [0.3, 0.6, 1.0] {
         here.harness.hover_at(from + share * (to - from));
