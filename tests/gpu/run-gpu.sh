@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # run-gpu.sh [SIDE [WIDTH HEIGHT]]: tests and measures this machine's graphics card, from the folder that pack.sh made, without cargo, just, network or files. Volumes
-# are generated, by default 512³ pictured at 1920 × 1080. `IVD_ADAPTER` names one of several cards, `IVD_SUITE` a part of the tests. Everything that is printed goes to results.txt too.
+# are generated, by default 512³ pictured at 1920 × 1080. `IVD_ADAPTER` names one of several cards, `IVD_SUITE` a part of the tests, `IVD_ROUNDS` how often pictures are made. Everything that is printed goes to results.txt too.
 set -uo pipefail
 cd "$(dirname "$0")"
 # Mesa's layer that sorts devices asks for a desktop session.
@@ -19,8 +19,8 @@ status=0
     # That an adapter is expected makes its absence a failure.
     IVD_EXPECT_ADAPTER=${IVD_EXPECT_ADAPTER-} timeout 240 ./suite ${IVD_SUITE:-} --test-threads "${IVD_TEST_THREADS:-4}" || status=1
     echo "== measure"
-    timeout 200 ./measure "$side" "$width" "$height" 10 || status=1
+    timeout 200 ./measure "$side" "$width" "$height" "${IVD_ROUNDS:-10}" || status=1
     echo "== measure, products joined with sums"
-    timeout 90 ./measure "$side" "$width" "$height" 5 joined || status=1
+    timeout 90 ./measure "$side" "$width" "$height" "${IVD_ROUNDS:-5}" joined || status=1
     exit $status
 } 2>&1 | tee results.txt
