@@ -51,7 +51,16 @@ fn a_new_stiffness_reruns_what_depends_on_it_and_nothing_before() {
     // The picture before leaves room for what moves: it shares its camera with that after.
     assert_eq!(
         in_state(&again, State::Ran),
-        ["deform", "map", "warp", "render before", "render after", "render difference", "report"]
+        [
+            "deform",
+            "map",
+            "warp",
+            "render before",
+            "render after",
+            "render difference",
+            "render moved",
+            "report"
+        ]
     );
     let why = &record(&again, "deform", "").why;
     assert!(why.contains("stiffness") && why.contains("50") && why.contains("20"), "{why}");
@@ -79,7 +88,7 @@ fn without_pictures_and_report_nothing_is_coloured_or_drawn() {
     let report = bench.run(&["output.images=[]", "output.report=false"]).unwrap();
     assert_eq!(
         in_state(&report, State::NotNeeded),
-        ["atf", "render before", "render after", "render difference", "report"]
+        ["atf", "render before", "render after", "render difference", "render moved", "report"]
     );
 }
 

@@ -135,7 +135,9 @@ fn over(points: &[(f64, f64)], at: f64, default: f64) -> f64 {
 /// A setting's cost over the default's; 1 of a job without parameters, and of what writes.
 fn ratio(rate: &str, setting: &Setting, known: &Known) -> f64 {
     let Some((stage, place)) = list::place(rate) else { return 1.0 };
-    let own = RATIOS.iter().find(|(name, _)| *name == stage.name && matches!(place.kind, PlaceKind::Own));
+    let own = RATIOS.iter().find(|(name, _)| {
+        *name == stage.name && matches!(place.kind, PlaceKind::Own | PlaceKind::Beside { .. })
+    });
     own.map_or(1.0, |(_, ratio)| ratio(known, setting))
 }
 

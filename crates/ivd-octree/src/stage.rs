@@ -19,7 +19,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("octree")
     }],
     quiet: false,
-    memory: [4, 100],
+    memory: [1, 60],
 };
 const METHODS: &[Method] = &[method::<Params>("")];
 

@@ -6,7 +6,6 @@
 use ivd_artefact::Artefact;
 use ivd_core::{Classified as _, ErrorClass, Exec, Grid, Lattice};
 
-use crate::list::stage;
 use crate::stage::Inputs;
 use crate::{Error, resource};
 
@@ -52,11 +51,10 @@ fn lattice(artefact: &Artefact) -> Option<&Lattice> {
 }
 
 /// What makes a grid's values of other grids' values and is no stage of the list (bytes a voxel, a triangle).
-const OTHERS: [u64; 2] = [20, 100];
+pub(crate) const OTHERS: [u64; 2] = [20, 100];
 
-/// About how much a stage takes beside what is held when it begins (bytes); `None` where nothing is known of its size yet.
-pub(crate) fn about(name: &str, size: Size) -> Option<u64> {
-    let [voxel, triangle] = stage(name).map_or(OTHERS, |stage| stage.memory);
+/// About how much a stage that takes so much takes beside what is held when it begins (bytes); `None` where nothing is known of its size yet.
+pub(crate) fn about([voxel, triangle]: [u64; 2], size: Size) -> Option<u64> {
     (size != Size::default()).then_some(BASE + voxel * size.voxels + triangle * size.triangles)
 }
 
@@ -117,10 +115,23 @@ mod tests {
     }
 
     #[test]
+    fn a_method_that_says_what_it_takes_is_believed() {
+        let takes = |method: &str| {
+            let text = format!(
+                "schema = 1\n[input]\nfile = \"a.nii\"\n[refine]\nmethod = \"{method}\"\nlevel = 1\n"
+            );
+            let scene = crate::scene::parse(&text, &[]).unwrap();
+            crate::Stage::memory(scene.section(&ivd_lattice::refine::STAGE).unwrap())
+        };
+        assert_eq!(takes("decimate"), ivd_lattice::refine::STAGE.memory);
+        assert!(takes("collapse")[1] < takes("decimate")[1]);
+    }
+
+    #[test]
     fn more_to_work_on_takes_more() {
-        for stage in ["segment", "atf", "lattice", "refine", "map", "warp"] {
-            let small = about(stage, Size { voxels: 1000, triangles: 10 }).unwrap();
-            assert!(about(stage, Size { voxels: 100_000, triangles: 1000 }).unwrap() > small);
+        for stage in crate::list::STAGES.iter().filter(|stage| stage.memory != [0; 2]) {
+            let small = about(stage.memory, Size { voxels: 1000, triangles: 10 }).unwrap();
+            assert!(about(stage.memory, Size { voxels: 100_000, triangles: 1000 }).unwrap() > small);
         }
     }
 }

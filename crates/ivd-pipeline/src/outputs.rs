@@ -168,7 +168,7 @@ impl<'a> Writer<'a> {
                 self.file(key, path, &source, |to, exec| export_with(&done.artefact, to, &options, exec))?;
             }
         }
-        for picture in [Picture::Before, Picture::After, Picture::Difference] {
+        for picture in Picture::ALL {
             if node.outputs.contains(&picture.name()) {
                 let (name, file) = picture_file(picture);
                 self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))?;

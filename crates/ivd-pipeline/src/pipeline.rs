@@ -126,7 +126,8 @@ fn attempt<C: Control>(
         stages.extend(plan.nodes().iter().filter(|n| n.is_reported()).map(|n| idle(n, state(n))));
         Vec::new()
     } else {
-        let needed: Vec<&str> = plan.nodes().iter().filter(|n| n.needed).map(|n| n.id.stage).collect();
+        let needed: Vec<[u64; 2]> =
+            plan.nodes().iter().filter(|n| n.needed).map(|n| memory(loaded, n.id.stage)).collect();
         let mut seen = Size::default();
         walk(loaded, options, plan, &mut control, &mut stages, (&mut seen, runner)).map_err(|error| {
             let error = whole(error, &needed, seen, runner.exec);
@@ -143,9 +144,15 @@ fn attempt<C: Control>(
     Ok((PipelineReport { stages, outputs, wall_s, peak_rss_mb, peak_own_mb }, control))
 }
 
+/// About how much memory a stage of a scene takes; see [`ivd_core::op::Stage::memory`].
+fn memory(loaded: &Loaded, stage: &str) -> [u64; 2] {
+    let section = loaded.scene.sections().iter().find(|section| section.stage().name == stage);
+    section.map_or(need::OTHERS, Stage::memory)
+}
+
 /// The error of a run, where a memory limit ended it with one that does for all that was needed.
-fn whole(error: Error, needed: &[&str], seen: Size, exec: &Exec) -> Error {
-    let takes = needed.iter().map(|stage| need::about(stage, seen)).max().flatten();
+fn whole(error: Error, needed: &[[u64; 2]], seen: Size, exec: &Exec) -> Error {
+    let takes = needed.iter().map(|memory| need::about(*memory, seen)).max().flatten();
     if let Error::OverMemory { about_mib, source } = error {
         let about_mib = about_mib.max(takes.unwrap_or_default().div_ceil(1 << 20));
         return Error::OverMemory { about_mib, source };

@@ -306,7 +306,7 @@ impl Runner<'_> {
         let kind = stage.facts().output.or(first);
         let kind = kind.ok_or_else(|| Error::usage(stage.name(), "its first input is missing"))?;
         let key = CacheKey::new(kind, &provenance);
-        let memory = (resource::own_mb(), need::about(stage.name(), need::Size::of(inputs)));
+        let memory = (resource::own_mb(), need::about(stage.memory(), need::Size::of(inputs)));
         Ok(Begun { clock, read_before, provenance, source_bytes, key, memory })
     }
 

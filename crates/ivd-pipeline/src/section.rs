@@ -146,6 +146,7 @@ impl Section {
         let (method, job) = match place.kind {
             PlaceKind::Own => (self.method, self.job.again()),
             PlaceKind::Precursor { method } => (method, self.job.precursor()?),
+            PlaceKind::Beside { method } => (method, self.job.beside()?),
             PlaceKind::Fixed { method } => (method, (method.parse)(Json::Object(Map::new())).ok()?),
         };
         let written = self.written.clone();
@@ -253,6 +254,10 @@ impl crate::Stage for Section {
 
     fn close(&self) -> &'static [&'static str] {
         self.job.close()
+    }
+
+    fn memory(&self) -> [u64; 2] {
+        self.job.memory().unwrap_or(self.stage.memory)
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {

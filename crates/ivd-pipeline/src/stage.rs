@@ -10,7 +10,7 @@ use ivd_core::op::{self, Output, Slot, Slots, Values};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::Error;
+use crate::{Error, list, need};
 
 /// Figures of a stage's work, by the names that `--json` prints. As JSON they are one object.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -194,6 +194,11 @@ pub trait Stage: Send + Sync {
     /// Kernels whose results on a device are close to the processor's and not the same bytes; see [`op::Op::close`].
     fn close(&self) -> &'static [&'static str] {
         &[]
+    }
+
+    /// About how much memory it takes; see [`op::Stage::memory`].
+    fn memory(&self) -> [u64; 2] {
+        list::stage(self.name()).map_or(need::OTHERS, |stage| stage.memory)
     }
 
     /// What a person should know of a result with these figures beside them, where there is something.

@@ -49,6 +49,31 @@ fn bar_length(most: f64) -> (f64, String) {
     (digit * power, text + " mm")
 }
 
+/// A bar that says what colours mean.
+pub(crate) struct Bar<'a> {
+    /// The colour at a share of it, 0…1.
+    pub(crate) colour: &'a dyn Fn(f64) -> [u8; 3],
+    /// What its ends mean, below 0 and above (mm).
+    pub(crate) most: f64,
+}
+
+/// Draws a bar of colours with its ends at the bottom right.
+pub(crate) fn with_bar(image: &Image, bar: &Bar<'_>) -> Image {
+    let (width, height) = (image.width(), image.height());
+    if width.min(height) < LEAST_SIDE {
+        return image.clone();
+    }
+    let mut canvas = Canvas::new(image);
+    canvas.colour_bar(bar);
+    canvas.into_image()
+}
+
+/// The least of 1, 2, 5 · 10ⁿ that is no less.
+pub(crate) fn rounded_up(least: f64) -> f64 {
+    let power = 10_f64.powf(least.log10().floor());
+    [1.0, 2.0, 5.0].map(|digit| digit * power).into_iter().find(|n| *n >= least).unwrap_or(10.0 * power)
+}
+
 struct Canvas {
     width: usize,
     height: usize,
@@ -67,17 +92,17 @@ impl Canvas {
         Image::new(self.width, self.height, self.rgba).expect("the size didn't change")
     }
 
-    fn dot(&mut self, x: usize, y: usize, level: u8) {
+    fn dot(&mut self, x: usize, y: usize, [red, green, blue]: [u8; 3]) {
         if x < self.width && y < self.height {
             let at = 4 * (x + self.width * y);
-            self.rgba[at..at + 4].copy_from_slice(&[level, level, level, 255]);
+            self.rgba[at..at + 4].copy_from_slice(&[red, green, blue, 255]);
         }
     }
 
     fn block(&mut self, x: usize, y: usize, width: usize, height: usize, level: u8) {
         for dy in 0..height {
             for dx in 0..width {
-                self.dot(x + dx, y + dy, level);
+                self.dot(x + dx, y + dy, [level; 3]);
             }
         }
     }
@@ -112,6 +137,26 @@ impl Canvas {
         self.text(width - margin - font::WIDTH * size, y, &letter(right).to_string());
         self.text(x, margin, &letter(up).to_string());
         self.text(x, height - margin - font::HEIGHT * size, &letter(-up).to_string());
+    }
+
+    /// A bar of colours as wide as a quarter of the picture, or as its ends over it need; none where there is no room.
+    fn colour_bar(&mut self, bar: &Bar<'_>) {
+        let (size, high) = (self.size, 4 * self.size);
+        let (_, most) = bar_length(bar.most);
+        let least = format!("-{}", most.trim_end_matches(" mm"));
+        let letters = |text: &str| text.len() * (font::WIDTH + 1) * size;
+        // Both ends have room, with a letter between them.
+        let wide = (self.width / 4).max(letters(&least) + letters(&most) + letters(" "));
+        let Some(x) = self.width.checked_sub(wide + 3 * size).filter(|x| *x > 0) else { return };
+        let y = self.height - high - 3 * size;
+        self.block(x - 1, y - 1, wide + 2, high + 2, 0);
+        for dx in 0..wide {
+            let colour = (bar.colour)((dx as f64 + 0.5) / wide as f64);
+            (0..high).for_each(|dy| self.dot(x + dx, y + dy, colour));
+        }
+        let above = y - (font::HEIGHT + 2) * size;
+        self.text(x, above, &least);
+        self.text(x + wide - letters(&most), above, &most);
     }
 
     /// A bar of at most a quarter of the width, with its length.
@@ -179,6 +224,19 @@ mod tests {
         assert_eq!(bar_length(1999.0), (1000.0, "1000 mm".to_owned()));
         assert_eq!(bar_length(0.3).1, "0.2 mm");
         assert_eq!(bar_length(3e-7).1, "2e-7 mm");
+    }
+
+    #[test]
+    fn a_bar_of_colours_has_room_for_its_ends_or_is_left_out() {
+        for (side, most) in [(48, 0.001), (50, 0.001), (64, 5.0), (120, 0.05), (512, 0.005), (512, 20.0)] {
+            let blank = Image::new(side, side, vec![9; 4 * side * side]).unwrap();
+            let drawn = with_bar(&blank, &Bar { colour: &|_| [200, 0, 0], most });
+            let red = drawn.rgba().chunks(4).filter(|pixel| pixel[0] == 200).count();
+            let size = (side / 256).max(1);
+            let ends = (2 * bar_length(most).1.len() - 1) * 6 * size;
+            assert!(red == 0 || red >= 4 * size * ends.max(side / 4), "{side} {most}: {red}");
+            assert_eq!(red > 0, ends + 3 * size < side, "{side} {most}");
+        }
     }
 
     #[test]

@@ -95,13 +95,13 @@ pub use lens::Lens;
 pub use looks::{ClassLooks, Colour, Opacity};
 pub use params::{Across, Classification, Fit, Mode, Projection, RenderParams, Side, View};
 pub use pick::Pick;
-pub use prepared::Prepared;
+pub use prepared::{Moved, Prepared};
 pub use rendered::Rendered;
 pub use scene::Scene;
 pub use stage::{
     AttenuatedMipParams, Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING,
-    Greys, IsoParams, LmipParams, MeanParams, MinipParams, MipParams, Pair, Picked, Plain, RenderFigures,
-    STAGE, ShearWarpParams, SlicesParams, VOLUME, WHOLE,
+    Greys, IsoParams, LmipParams, MeanParams, MinipParams, MipParams, MovedFigures, MovedParams, Pair,
+    Picked, Plain, RenderFigures, STAGE, ShearWarpParams, SlicesParams, VOLUME, WHOLE,
 };
 pub use surface::{SurfaceStyle, surface};
 pub use surroundings::Surroundings;

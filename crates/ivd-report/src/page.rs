@@ -20,6 +20,8 @@ pub struct Pictures {
     pub before: Option<Vec<u8>>,
     /// What it has become; shown over `before`, with a slider between them.
     pub after: Option<Vec<u8>>,
+    /// How far what is seen has moved; shown beside the two.
+    pub moved: Option<Vec<u8>>,
     /// Their difference; shown beside the two.
     pub difference: Option<Vec<u8>>,
 }
@@ -47,6 +49,12 @@ impl Page {
                      <img class='over' src='{after}' alt='after'><input type='range' min='0' max='100' value='50' \
                      aria-label='before to after'></div><figcaption>before · after: move the slider</figcaption></figure>"
                 );
+                if let Some(moved) = url(&pictures.moved) {
+                    let _ = write!(
+                        page,
+                        "<figure><img src='{moved}' alt='how far what is seen has moved'><figcaption>how far what is seen has moved: red out of its surface, blue into it</figcaption></figure>"
+                    );
+                }
                 if let Some(difference) = url(&pictures.difference) {
                     let _ = write!(
                         page,
@@ -93,14 +101,15 @@ mod tests {
 
     #[test]
     fn pictures_stand_under_a_slider_where_there_are_two() {
-        let shown = |before: bool, after: bool, difference: bool| {
+        let shown = |before: bool, after: bool, beside: bool| {
             let png = |wanted: bool| wanted.then(|| vec![0_u8]);
             let mut page = Page::new("<head>");
-            page.pictures(&Pictures { before: png(before), after: png(after), difference: png(difference) });
+            let (moved, difference) = (png(beside), png(beside));
+            page.pictures(&Pictures { before: png(before), after: png(after), moved, difference });
             let html = page.finish();
             (html.matches("<img").count(), html.contains("class='slider'"))
         };
-        assert_eq!(shown(true, true, true), (3, true));
+        assert_eq!(shown(true, true, true), (4, true));
         assert_eq!(shown(true, true, false), (2, true));
         assert_eq!(shown(true, false, true), (1, false));
         assert_eq!(shown(false, true, true), (0, false));

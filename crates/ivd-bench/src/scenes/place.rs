@@ -12,7 +12,7 @@ use ivd_map::MapFigures;
 use ivd_pipeline::scene::{self, Loaded, Override};
 use ivd_pipeline::stages::{IMPORT, ImportFigures};
 use ivd_pipeline::{PipelineOptions, PipelineReport, StageRecord, State, figures_of};
-use ivd_render::{DifferenceFigures, RenderFigures, RenderParams};
+use ivd_render::{DifferenceFigures, MovedFigures, RenderFigures, RenderParams};
 use ivd_segment::CommonFigures;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -186,13 +186,15 @@ const LOOKED: [(&str, Looked); 8] = [
     }),
 ];
 
-/// Figures of a picture, or of the difference of two.
+/// Figures of a picture, of the difference of two, or of how far what is seen has moved.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Pictured {
     Drawn(RenderFigures),
     #[allow(dead_code, reason = "told apart by its fields")]
     Apart(DifferenceFigures),
+    #[allow(dead_code, reason = "told apart by its fields")]
+    Moved(MovedFigures),
 }
 
 /// Voxels of so many bricks.

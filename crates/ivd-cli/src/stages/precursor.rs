@@ -25,7 +25,7 @@ pub(super) fn of(stage: &Stage) -> Option<Precursor> {
     let stage = ivd_pipeline::list::stage(stage.name)?;
     stage.places.iter().find_map(|place| match place.kind {
         PlaceKind::Precursor { method } => Some(Precursor { stage, place, method }),
-        PlaceKind::Own | PlaceKind::Fixed { .. } => None,
+        PlaceKind::Own | PlaceKind::Beside { .. } | PlaceKind::Fixed { .. } => None,
     })
 }
 

@@ -137,6 +137,11 @@ pub enum PlaceKind {
         /// How it is declared.
         method: &'static Method,
     },
+    /// Another job by the same parameters ([`Op::beside`]).
+    Beside {
+        /// How it is declared.
+        method: &'static Method,
+    },
     /// A job without parameters.
     Fixed {
         /// How it is declared.

@@ -70,6 +70,11 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
         None
     }
 
+    /// What it takes where that is other than its stage says; see [`crate::op::Stage::memory`].
+    fn memory(&self) -> Option<[u64; 2]> {
+        None
+    }
+
     /// Checks what can be checked against a value that the one in a slot is still to be made from, before work goes into that.
     ///
     /// # Errors
@@ -81,6 +86,11 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
 
     /// A job whose result this one goes on from, where there is one that is worth keeping.
     fn precursor(&self) -> Option<Box<dyn Job>> {
+        None
+    }
+
+    /// Another job that a scene may want by the same parameters, where there is one.
+    fn beside(&self) -> Option<Box<dyn Job>> {
         None
     }
 
@@ -161,11 +171,15 @@ pub trait Job: Send + Sync + 'static {
     fn close(&self) -> &'static [&'static str];
     /// As [`Op::idle`].
     fn idle(&self) -> Option<&'static str>;
+    /// As [`Op::memory`].
+    fn memory(&self) -> Option<[u64; 2]>;
     /// As [`Op::look_ahead`].
     ///
     /// # Errors
     /// What would be an error with the value in the slot as well.
     fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure>;
+    /// As [`Op::beside`].
+    fn beside(&self) -> Option<Box<dyn Job>>;
     /// As [`Op::precursor`].
     fn precursor(&self) -> Option<Box<dyn Job>>;
     /// As [`Op::output`].
@@ -218,6 +232,14 @@ impl<O: Op> Job for O {
 
     fn idle(&self) -> Option<&'static str> {
         Op::idle(self)
+    }
+
+    fn beside(&self) -> Option<Box<dyn Job>> {
+        Op::beside(self)
+    }
+
+    fn memory(&self) -> Option<[u64; 2]> {
+        Op::memory(self)
     }
 
     fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {

@@ -84,8 +84,8 @@ fn pictures(data: &ReportData) -> Result<Pictures, Error> {
         let image = data.pictures.get(picture.name()).and_then(|artefact| Image::of(artefact));
         image.map(png_bytes).transpose()
     };
-    let [before, after, difference] = [Picture::Before, Picture::After, Picture::Difference].map(png);
-    Ok(Pictures { before: before?, after: after?, difference: difference? })
+    let [before, after, difference, moved] = Picture::ALL.map(png);
+    Ok(Pictures { before: before?, after: after?, difference: difference?, moved: moved? })
 }
 
 /// Whether left and right are known.

@@ -189,6 +189,14 @@ impl Scene {
                 self.output.images.iter().any(|p| *p != Picture::Before) && !result,
             ),
         ];
+        if self.output.images.contains(&Picture::Moved) {
+            if !deforms {
+                return Err("output.images \"moved\" shows how far a surface has moved, but nothing deforms it; drop it".to_owned());
+            }
+            if !self.shows_a_surface() {
+                return Err("output.images \"moved\" is for render.mode = \"dvr\" or \"iso\", which show a surface; drop it, or choose one of them".to_owned());
+            }
+        }
         let still = self.asked().is_none_or(|asked| asked.is_still());
         if let Some((name, _)) = moved.iter().find(|(_, wanted)| !deforms && *wanted) {
             return Err(format!(
@@ -364,6 +372,11 @@ impl Scene {
         self.asked().is_some_and(|asked| !asked.is_still()) || !self.steps().is_empty()
     }
 
+    /// Whether pictures show a surface, of which can be said how far it has moved.
+    fn shows_a_surface(&self) -> bool {
+        self.section(&ivd_render::STAGE).is_some_and(|section| section.job().beside().is_some())
+    }
+
     /// Pictures to draw: those named, and those that a report asks for.
     pub fn pictures(&self) -> Vec<Picture> {
         let mut pictures = self.output.images.clone();
@@ -371,6 +384,9 @@ impl Scene {
             pictures.push(Picture::Before);
             if self.deforms() || self.has_result() {
                 pictures.extend([Picture::After, Picture::Difference]);
+            }
+            if self.deforms() && self.shows_a_surface() {
+                pictures.push(Picture::Moved);
             }
         }
         pictures.sort_unstable();

@@ -7,10 +7,10 @@ use crate::cast::{Cast, Field};
 use crate::dvr::{AtMiddle, dvr as plain};
 use crate::frame::{Radiance, one_by_one, tiles};
 use crate::light::Light;
-use crate::pick::{self, Pick};
+use crate::pick::{self, Pick, Seen};
 use crate::preintegrated::AtEnds;
 use crate::project::{Attenuated, Bounds, FirstPeak, Greatest, Mean};
-use crate::samples::{KernelVoxels, Samples, Shape, Stored};
+use crate::samples::{Samples, Shape, Stored};
 use crate::stack::{self, Looks};
 use crate::surroundings::{self, Around, Surrounded};
 use crate::warp::Warp;
@@ -23,13 +23,14 @@ use super::{ModeState, Prepared};
 macro_rules! with_fast {
     ($fast:expr, $slice:ident => $body:expr) => {
         match $fast {
-            KernelVoxels::U8($slice) => $body,
-            KernelVoxels::U16($slice) => $body,
-            KernelVoxels::I16($slice) => $body,
-            KernelVoxels::F32($slice) => $body,
+            $crate::samples::KernelVoxels::U8($slice) => $body,
+            $crate::samples::KernelVoxels::U16($slice) => $body,
+            $crate::samples::KernelVoxels::I16($slice) => $body,
+            $crate::samples::KernelVoxels::F32($slice) => $body,
         }
     };
 }
+pub(super) use with_fast;
 
 impl Prepared<'_> {
     /// The processor's rays.
@@ -37,7 +38,7 @@ impl Prepared<'_> {
         with_fast!(&self.voxels, slice => self.cast(slice, params, exec))
     }
 
-    fn field<'f, T: Stored>(&'f self, voxels: &'f [T], camera: &Camera) -> Field<'f, T> {
+    pub(super) fn field<'f, T: Stored>(&'f self, voxels: &'f [T], camera: &Camera) -> Field<'f, T> {
         let grid = self.scene.volume.grid();
         Field {
             samples: Samples::new(voxels, Shape::new(grid.dims())),
@@ -210,25 +211,30 @@ impl Prepared<'_> {
 
     fn pick_by<T: Pairs>(&self, voxels: &[T], camera: &Camera, ray: &Ray) -> Option<Pick> {
         let field = self.field(voxels, camera);
+        let seen = self.seen(&field, ray)?;
+        let real = |fast: f32| self.scene.volume.real(f64::from(fast) + self.shift);
+        pick::picked(&field, self.scene.volume.grid(), self.labels, real, seen)
+    }
+
+    /// What a ray shows.
+    pub(super) fn seen<T: Pairs>(&self, field: &Field<'_, T>, ray: &Ray) -> Option<Seen> {
         let sign = self.sign() as f32;
-        let seen = match &self.optics {
+        match &self.optics {
             ModeState::Dvr(classifier) if field.ids.is_empty() => {
-                pick::half_way(&field, &AtMiddle::<false, false>(classifier), ray)
+                pick::half_way(field, &AtMiddle::<false, false>(classifier), ray)
             }
-            ModeState::Dvr(classifier) => pick::half_way(&field, &AtMiddle::<true, false>(classifier), ray),
-            ModeState::PreIntegrated(table) => pick::half_way(&field, &AtEnds::<false>(table), ray),
+            ModeState::Dvr(classifier) => pick::half_way(field, &AtMiddle::<true, false>(classifier), ray),
+            ModeState::PreIntegrated(table) => pick::half_way(field, &AtEnds::<false>(table), ray),
             ModeState::Projection(_) => match self.params.mode {
                 // What is refused is shown nowhere.
                 Mode::Mean => None,
-                Mode::Lmip { threshold } => pick::projected(&field, &self.first_peak(threshold), sign, ray),
+                Mode::Lmip { threshold } => pick::projected(field, &self.first_peak(threshold), sign, ray),
                 Mode::AttenuatedMip { attenuation } => {
-                    pick::projected(&field, &self.attenuated(attenuation), sign, ray)
+                    pick::projected(field, &self.attenuated(attenuation), sign, ray)
                 }
-                _ => pick::projected(&field, &Greatest, sign, ray),
+                _ => pick::projected(field, &Greatest, sign, ray),
             },
-            ModeState::Iso(iso) => pick::on_surface(&field, *iso, sign, ray),
-        }?;
-        let real = |fast: f32| self.scene.volume.real(f64::from(fast) + self.shift);
-        pick::picked(&field, self.scene.volume.grid(), self.labels, real, seen)
+            ModeState::Iso(iso) => pick::on_surface(field, *iso, sign, ray),
+        }
     }
 }

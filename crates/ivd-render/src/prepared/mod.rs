@@ -1,7 +1,10 @@
 //! What several views of one scene share.
 
 mod cast;
+mod moved;
 mod ready;
+
+pub use moved::Moved;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

@@ -1,6 +1,7 @@
 //! The stage as scenes and commands see it.
 
 mod modes;
+mod moved;
 mod volumetric;
 
 use std::time::Instant;
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Pick, difference};
 pub use modes::{AttenuatedMipParams, Greys, IsoParams, LmipParams, MeanParams, MinipParams, MipParams};
+pub use moved::{MovedFigures, MovedParams};
 pub use volumetric::{DvrParams, ShearWarpParams, SlicesParams};
 
 /// The stage: its modes, and the pictures that a scene has of it.
@@ -42,6 +44,7 @@ pub const STAGE: Stage = Stage {
             amount: Amount::Pixels,
             ..picture("difference")
         },
+        Place { kind: PlaceKind::Beside { method: &MOVED }, needs: &[DISPLACEMENT], ..picture("moved") },
     ],
     quiet: false,
     memory: [10, 100],
@@ -78,6 +81,7 @@ const METHODS: &[Method] = &[
     method::<SlicesParams>("slices"),
     method::<ShearWarpParams>("shear-warp"),
 ];
+static MOVED: Method = method::<MovedParams>("moved");
 static DIFFERENCE: Method = method::<DifferenceParams>("difference");
 
 /// Where two pictures differ, amplified.

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use ivd_core::op::{Failure, Op, Remark, Want};
+use ivd_core::op::{Failure, Job, Op, Remark, Want};
 use ivd_core::{Exec, Image, Kernel as _, ParamError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ use crate::params::MOST_ATTENUATION;
 use crate::plan::Casting;
 use crate::{Fit, Mode, Prepared, RenderParams, Scene, Surroundings};
 
-use super::{FRAMING, Picked, Plain, RenderFigures, rate};
+use super::{FRAMING, MovedParams, Picked, Plain, RenderFigures, rate};
 
 /// What is black and white.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -147,9 +147,9 @@ pub(super) const CLOSE: &[&str] = &[Casting::NAME];
 /// Raised for all modes together: what they share is most of them.
 pub(super) const REVISION: u32 = 4;
 
-/// A mode without a transfer function: the picture that its parameters ask for, and what it casts its rays by.
+/// A mode without a transfer function: the picture that its parameters ask for, what it casts its rays by, and the job beside it.
 macro_rules! plain {
-    ($($params:ty: $picture:expr, $close:expr);+ $(;)?) => {$(
+    ($($params:ty: $picture:expr, $close:expr, $beside:expr);+ $(;)?) => {$(
         impl $params {
             /// The picture that is asked for.
             ///
@@ -179,6 +179,10 @@ macro_rules! plain {
                 $close(self)
             }
 
+            fn beside(&self) -> Option<Box<dyn Job>> {
+                $beside(self)
+            }
+
             fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
                 drawn(&inputs.into(), &self.asked().map_err(crate::Error::from)?, exec)
             }
@@ -196,20 +200,34 @@ fn on_processor<T>(_: &T) -> &'static [&'static str] {
     &[]
 }
 
+/// No other picture goes with it.
+fn alone<T>(_: &T) -> Option<Box<dyn Job>> {
+    None
+}
+
 plain! {
-    MipParams: |params: &Self| Ok(in_mode(Mode::Mip, params.greys, &params.picture)), |_: &Self| CLOSE;
-    IsoParams: Self::picture, |params: &Self| if params.surroundings.are_asked() { &[] } else { CLOSE };
-    MinipParams: |params: &Self| Ok(in_mode(Mode::Minip, params.greys, &params.picture)), |_: &Self| CLOSE;
-    MeanParams: |params: &Self| Ok(in_mode(Mode::Mean, params.greys, &params.picture)), on_processor;
+    MipParams: |params: &Self| Ok(in_mode(Mode::Mip, params.greys, &params.picture)), |_: &Self| CLOSE, alone;
+    IsoParams:
+        Self::picture,
+        |params: &Self| if params.surroundings.are_asked() { &[] } else { CLOSE },
+        |params: &Self| {
+            let picture = params.picture.clone();
+            let motion = MovedParams { iso: params.iso, picture, ..MovedParams::default() };
+            Some(Box::new(motion) as Box<dyn Job>)
+        };
+    MinipParams: |params: &Self| Ok(in_mode(Mode::Minip, params.greys, &params.picture)), |_: &Self| CLOSE, alone;
+    MeanParams: |params: &Self| Ok(in_mode(Mode::Mean, params.greys, &params.picture)), on_processor, alone;
     LmipParams:
         |params: &Self| Ok(in_mode(Mode::Lmip { threshold: params.threshold }, params.greys, &params.picture)),
-        on_processor;
+        on_processor,
+        alone;
     AttenuatedMipParams:
         |params: &Self| {
             let mode = Mode::AttenuatedMip { attenuation: params.attenuation };
             Ok(in_mode(mode, params.greys, &params.picture))
         },
-        on_processor;
+        on_processor,
+        alone;
 }
 
 impl IsoParams {

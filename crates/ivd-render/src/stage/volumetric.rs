@@ -1,6 +1,6 @@
 //! The modes with a transfer function: their parameters, and what they draw.
 
-use ivd_core::op::{Failure, Op, Remark, Want};
+use ivd_core::op::{Failure, Job, Op, Remark, Want};
 use ivd_core::{Exec, Image, ParamError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,7 @@ use crate::{Across, ClassLooks, Classification, Mode, RenderParams, Scene, Surro
 use crate::params::MOST_SLICES;
 
 use super::modes::{CLOSE, REVISION, drawn, wants};
-use super::{Coloured, RenderFigures};
+use super::{Coloured, MovedParams, RenderFigures};
 
 /// Direct volume rendering: emission and absorption by the transfer function.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -86,9 +86,9 @@ impl ShearWarpParams {
     }
 }
 
-/// A mode with a transfer function, and whether devices know its form.
+/// A mode with a transfer function, whether devices know its form, and the job beside it.
 macro_rules! coloured {
-    ($($params:ty: $is_close:expr);+ $(;)?) => {$(
+    ($($params:ty: $is_close:expr, $beside:expr);+ $(;)?) => {$(
         impl Op for $params {
             const REVISION: u32 = REVISION;
             type Inputs<'a> = Coloured<'a>;
@@ -109,6 +109,10 @@ macro_rules! coloured {
                 if $is_close(self) { CLOSE } else { &[] }
             }
 
+            fn beside(&self) -> Option<Box<dyn Job>> {
+                $beside(self)
+            }
+
             fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
                 let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
                 let with_looks = |transfer| self.classes.of(transfer).map(Some);
@@ -121,7 +125,10 @@ macro_rules! coloured {
     )+};
 }
 coloured! {
-    DvrParams: Self::is_close;
-    SlicesParams: |_: &Self| false;
-    ShearWarpParams: |_: &Self| false;
+    DvrParams: Self::is_close, |params: &Self| {
+        let (picture, classes) = (params.picture.clone(), params.classes.clone());
+        Some(Box::new(MovedParams { iso: None, picture, classes }) as Box<dyn Job>)
+    };
+    SlicesParams: |_: &Self| false, |_: &Self| None;
+    ShearWarpParams: |_: &Self| false, |_: &Self| None;
 }

@@ -8,6 +8,7 @@ mod common;
 mod comparator;
 mod deformed;
 mod identical;
+mod moved;
 mod picks;
 mod preintegrated;
 mod projections;

@@ -14,15 +14,21 @@ pub enum Picture {
     After,
     /// Where the two differ.
     Difference,
+    /// How far what is seen has come out of its surface or gone into it, in colours, with a bar in mm; in modes dvr and iso.
+    Moved,
 }
 
 impl Picture {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Before, Self::After, Self::Difference, Self::Moved];
+
     /// Its name in scenes and file names.
     pub fn name(self) -> &'static str {
         match self {
             Self::Before => "before",
             Self::After => "after",
             Self::Difference => "difference",
+            Self::Moved => "moved",
         }
     }
 }
@@ -50,7 +56,7 @@ impl From<MeshSpace> for Space {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct OutputSection {
-    /// Pictures, written as `before.png`, `after.png`, `difference.png`.
+    /// Pictures, written as `before.png`, `after.png`, `difference.png`, `moved.png`.
     pub images: Vec<Picture>,
     /// What comes of the volume: deformed, combined and clipped, as the scene says.
     pub volume: Option<PathBuf>,

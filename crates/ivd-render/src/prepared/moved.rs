@@ -1,0 +1,189 @@
+//! How far what is seen has come out of its surface, or gone into it.
+
+use ivd_core::{Exec, Image, VoxelCoord};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::Prepared;
+use super::cast::with_fast;
+use crate::annotate::{self, Bar};
+use crate::camera::{Camera, Ray};
+use crate::picture;
+use crate::wide::Pairs;
+use crate::{Error, Projection, RenderParams, View};
+
+/// How much of a pixel is its colour at most.
+const OPAQUE: f32 = 0.85;
+/// From this share of the scale on a colour is whole; its first ones are next to white.
+const WHOLE: f32 = 0.15;
+/// The least of a colour that shade leaves.
+const SHADED: f32 = 0.4;
+/// Motions are told from this length on (mm).
+const LEAST: f64 = 1e-3;
+/// In, not at all, out: ends and middle of RdBu (Brewer).
+const COLOURS: [[u8; 3]; 5] =
+    [[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]];
+
+/// A picture of how far what is seen has come out of its surface or gone into it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moved {
+    /// What is seen in greys, red where it has come out and blue where it has gone in, with a bar that says how far.
+    pub image: Image,
+    /// How far it has come out at most (mm).
+    pub out_mm: f64,
+    /// How far it has gone in at most (mm).
+    pub in_mm: f64,
+    /// What the bar's ends mean (mm).
+    pub scale_mm: f64,
+}
+
+impl Prepared<'_> {
+    /// The pictures of a turntable that begins with a view, or the one picture of it, as [`Moved`] says: of each pixel's place, where a pick finds it, how far it has moved
+    /// along the normal there that faces the eye. All have one scale.
+    ///
+    /// # Errors
+    /// As [`crate::render`]; a mode that shows no surface: all but dvr and iso.
+    pub fn draw_moved(&self, view: View, exec: &Exec) -> Result<Moved, Error> {
+        let RenderParams { size, turntable, .. } = self.params;
+        exec.check_memory("pictures", (12 * turntable * size[0] * size[1]) as u64)?;
+        let turned = |frame: usize| {
+            let turn = 360.0 * frame as f64 / turntable as f64;
+            View { angles: [view.angles[0] + turn, view.angles[1]], ..view }
+        };
+        let mut frames = Vec::with_capacity(turntable);
+        for frame in 0..turntable {
+            let params = RenderParams { view: turned(frame), ..self.params.clone() };
+            let came = exec.run(|| with_fast!(&self.voxels, slice => self.came(slice, &params, exec)))?;
+            let light = self.radiance(params.view, exec)?;
+            let image = picture::compose(&light, params.background.map(|c| c as f32));
+            frames.push((params, image, came));
+        }
+        let all = frames.iter().flat_map(|(.., came)| came).filter(|mm| mm.is_finite());
+        let [least, most] = all.fold([0.0_f32; 2], |[a, b], mm| [a.min(*mm), b.max(*mm)]).map(f64::from);
+        let scale_mm = annotate::rounded_up((-least).max(most).max(LEAST));
+        let mut rgba = Vec::with_capacity(4 * turntable * size[0] * size[1]);
+        for (params, image, came) in frames {
+            let camera = self.camera(&params);
+            let pixels = image.rgba().chunks_exact(4).zip(&came);
+            let coloured = pixels.flat_map(|(pixel, mm)| coloured(pixel, mm / scale_mm as f32)).collect();
+            let mut image = Image::new(size[0], size[1], coloured)?;
+            if params.annotate {
+                image = annotate::annotate(&image, &camera, self.scene.volume.grid().in_patient());
+            }
+            let bar = Bar { colour: &|share| colour(2.0 * share - 1.0), most: scale_mm };
+            rgba.extend_from_slice(annotate::with_bar(&image, &bar).rgba());
+        }
+        let image = Image::of_frames(size, turntable, rgba)?;
+        Ok(Moved { image, out_mm: most, in_mm: 0.0 - least, scale_mm })
+    }
+
+    /// By pixel, how far what is seen has come out of its surface (mm); no number where nothing is seen, or that has no direction.
+    fn came<T: Pairs>(&self, voxels: &[T], params: &RenderParams, exec: &Exec) -> Result<Vec<f32>, Error> {
+        let camera = self.camera(params);
+        let [width, height] = params.size;
+        let mut came = vec![f32::NAN; width * height];
+        let Some([left, right, top, bottom]) = self.moving(&camera) else { return Ok(came) };
+        let field = self.field(voxels, &camera);
+        let grid = self.scene.volume.grid();
+        let world = |at: [f32; 3]| grid.world(VoxelCoord(Vector3::from(at).map(f64::from))).0;
+        let of_ray = |ray: &Ray| {
+            let seen = self.seen(&field, ray)?;
+            let moves = field.moves(field.space.brick(seen.place));
+            if !moves {
+                return Some(0.0);
+            }
+            let place = world(seen.place);
+            // What is cut away has no side that could come out.
+            if camera.cut_before(place).is_some() {
+                return None;
+            }
+            let by = place - world(field.before(seen.place, moves)?);
+            let normal = Vector3::from(field.normal_there(seen.sample, moves)?).map(f64::from);
+            // What is seen faces the eye, whichever way its values go.
+            let along = normal.dot(&by);
+            Some(if normal.dot(&towards_eye(&camera, place)) < 0.0 { -along } else { along } as f32)
+        };
+        let rows = came.par_chunks_mut(width).enumerate().skip(top).take(bottom - top);
+        rows.try_for_each(|(y, row)| {
+            exec.check_cancelled()?;
+            for (x, pixel) in row.iter_mut().enumerate().take(right).skip(left) {
+                *pixel = camera.ray(x, y).and_then(|ray| of_ray(&ray)).unwrap_or(f32::NAN);
+            }
+            Ok::<_, Error>(())
+        })?;
+        Ok(came)
+    }
+
+    /// The pixels in which something that moves may be seen: columns from and to, rows from and to.
+    fn moving(&self, camera: &Camera) -> Option<[usize; 4]> {
+        let warp = self.warp.as_ref()?;
+        let size = camera.size();
+        let grid = self.scene.volume.grid();
+        let bricks = self.scene.volume.bricks().dims();
+        let mut bounds = [usize::MAX, 0, usize::MAX, 0];
+        for brick in warp.all_moves().iter().enumerate().filter(|(_, moves)| **moves).map(|(brick, _)| brick)
+        {
+            let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+            for corner in 0..8_usize {
+                let voxel = [0, 1, 2].map(|a| {
+                    let high = corner >> a & 1;
+                    let side = ((at[a] + high) * ivd_core::BRICK) as f64;
+                    if high == 0 { side - 0.5 } else { side.min(grid.dims()[a] as f64 - 0.5) }
+                });
+                let place = grid.world(VoxelCoord(voxel.into())).0;
+                // Behind the eye nothing is known of where it is seen.
+                let Some(pixel) = camera.project(place) else { return Some([0, size[0], 0, size[1]]) };
+                for a in 0..2 {
+                    let from = (pixel[a].floor() - 1.0).clamp(0.0, size[a] as f64) as usize;
+                    let to = (pixel[a].ceil() + 2.0).clamp(0.0, size[a] as f64) as usize;
+                    bounds[2 * a] = bounds[2 * a].min(from);
+                    bounds[2 * a + 1] = bounds[2 * a + 1].max(to);
+                }
+            }
+        }
+        (bounds[0] < bounds[1] && bounds[2] < bounds[3]).then_some(bounds)
+    }
+}
+
+/// Towards the eye from a place.
+fn towards_eye(camera: &Camera, place: Vector3<f64>) -> Vector3<f64> {
+    match camera.projection() {
+        Projection::Orthographic => camera.towards_eye,
+        Projection::Perspective => camera.centre() + camera.towards_eye * camera.distance() - place,
+    }
+}
+
+/// A pixel in grey, with the colour of a share of the scale, −1…1, over it.
+fn coloured(pixel: &[u8], share: f32) -> [u8; 4] {
+    let grey = 0.2126 * f32::from(pixel[0]) + 0.7152 * f32::from(pixel[1]) + 0.0722 * f32::from(pixel[2]);
+    let weight = if share.is_finite() { OPAQUE * (share.abs() / WHOLE).min(1.0) } else { 0.0 };
+    let shade = SHADED + (1.0 - SHADED) * grey / 255.0;
+    let [red, green, blue] = colour(f64::from(if share.is_finite() { share } else { 0.0 }))
+        .map(|c| (grey * (1.0 - weight) + f32::from(c) * shade * weight).round() as u8);
+    [red, green, blue, pixel[3]]
+}
+
+/// The colour of a share of the scale, −1…1.
+fn colour(share: f64) -> [u8; 3] {
+    let at = (0.5 + 0.5 * share.clamp(-1.0, 1.0)) * (COLOURS.len() - 1) as f64;
+    let first = (at.floor() as usize).min(COLOURS.len() - 2);
+    let way = at - first as f64;
+    let part = |c: usize| f64::from(COLOURS[first][c]) * (1.0 - way) + f64::from(COLOURS[first + 1][c]) * way;
+    [0, 1, 2].map(|c| part(c).round() as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_not_moved_is_grey_and_what_has_is_red_or_blue() {
+        let pixel = [100, 100, 100, 255];
+        assert_eq!(coloured(&pixel, f32::NAN), pixel);
+        assert_eq!(coloured(&pixel, 0.0), pixel);
+        let [out, inwards] = [1.0, -1.0].map(|share| coloured(&pixel, share));
+        assert!(out[0] > out[2] + 50 && inwards[2] > inwards[0] + 50, "{out:?} {inwards:?}");
+        assert_eq!(colour(0.0), [247; 3]);
+        assert_eq!((colour(-3.0), colour(1.0)), (COLOURS[0], COLOURS[4]));
+    }
+}

@@ -1,0 +1,109 @@
+//! How far what is seen has come out of its surface.
+
+use ivd_core::{Exec, Grid, Image, Volume, VoxelIndex};
+use ivd_render::{Fit, Mode, Moved, Prepared, Projection, RenderParams, Scene, View};
+use nalgebra::Vector3;
+
+use super::common::{displacement, sampled};
+
+const SIZE: [usize; 2] = [120, 100];
+/// How far the ball goes (mm).
+const FAR: f64 = 1.8;
+
+/// A ball of radius 16 about the middle of an oblique grid, as a surface of value 14.
+fn ball() -> (Volume, Vector3<f64>) {
+    let (sin, cos) = 0.4_f64.sin_cos();
+    let axes = [[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]];
+    let grid = Grid::new([60, 54, 46], [1.0, 1.1, 1.2], [300.0, -7.0, 12.0], axes).unwrap();
+    let centre = grid.world(VoxelIndex([30, 27, 23]).into()).0;
+    (sampled(&grid, |at| 30.0 - (at - centre).norm()), centre)
+}
+
+fn params(view: View) -> RenderParams {
+    let mode = Mode::Iso { value: 14.0 };
+    RenderParams { mode, view, size: SIZE, fit: Fit::Volume, ..RenderParams::default() }
+}
+
+/// The ball, moved along a picture's right, up or towards the eye.
+fn moved(view: View, along: [f64; 3]) -> Moved {
+    let (volume, centre) = ball();
+    let params = params(view);
+    let still = Prepared::new(&Scene::new(&volume), &params, &Exec::default()).unwrap();
+    let axes = still.lens(view).unwrap().axes().map(Vector3::from);
+    let by = axes[0] * along[0] + axes[1] * along[1] + axes[2] * along[2];
+    let carried = displacement(volume.grid(), |at| ((at - centre).norm() < 25.0).then_some(-by));
+    let scene = Scene { displacement: Some(&carried), ..Scene::new(&volume) };
+    Prepared::new(&scene, &params, &Exec::default()).unwrap().draw_moved(view, &Exec::default()).unwrap()
+}
+
+fn pixel(image: &Image, x: usize, y: usize) -> [i32; 3] {
+    let at = 4 * (x + SIZE[0] * y);
+    [0, 1, 2].map(|c| i32::from(image.rgba()[at + c]))
+}
+
+#[test]
+fn what_comes_towards_the_eye_is_out_and_what_goes_away_is_in() {
+    for (angles, projection) in [
+        ([0.0, 0.0], Projection::Orthographic),
+        ([40.0, -25.0], Projection::Orthographic),
+        ([200.0, 60.0], Projection::Perspective),
+    ] {
+        let view = View { angles, projection, ..View::FRONT };
+        for sign in [1.0, -1.0] {
+            let found = moved(view, [0.0, 0.0, sign * FAR]);
+            let [most, least] =
+                if sign > 0.0 { [found.out_mm, found.in_mm] } else { [found.in_mm, found.out_mm] };
+            assert!((most - FAR).abs() < 0.01 && least < 0.1, "{angles:?} {sign}: {most} and {least}");
+            assert_eq!(found.scale_mm, 2.0);
+            let [red, _, blue] = pixel(&found.image, SIZE[0] / 2, SIZE[1] / 2);
+            assert!(f64::from(red - blue) * sign > 40.0, "{angles:?} {sign}: {red} and {blue}");
+        }
+    }
+}
+
+#[test]
+fn what_goes_across_comes_out_on_one_side_and_goes_in_on_the_other() {
+    for (along, beside) in [([FAR, 0.0, 0.0], [12, 0]), ([0.0, FAR, 0.0], [0, -12])] {
+        let found = moved(View::FRONT, along);
+        // Its edge faces that way.
+        assert!(found.out_mm > 0.9 * FAR && found.in_mm > 0.9 * FAR, "{found:?}");
+        assert!(found.out_mm < FAR + 0.01 && found.in_mm < FAR + 0.01);
+        let at = |sign: i32| {
+            let [x, y] = [0, 1].map(|a| (SIZE[a] as i32 / 2 + sign * beside[a]) as usize);
+            let [red, _, blue] = pixel(&found.image, x, y);
+            red - blue
+        };
+        assert!(at(1) > 15 && at(-1) < -15, "{along:?}: {} and {}", at(1), at(-1));
+        // Across its middle it slides along itself.
+        let [red, _, blue] = pixel(&found.image, SIZE[0] / 2, SIZE[1] / 2);
+        assert!((red - blue).abs() < 30, "{red} and {blue}");
+    }
+}
+
+#[test]
+fn what_lies_still_is_grey_and_what_passes_by_nothing_that_moves_costs_no_ray() {
+    let (volume, centre) = ball();
+    let params = RenderParams { annotate: false, ..params(View::FRONT) };
+    let exec = Exec::default();
+    let still =
+        Prepared::new(&Scene::new(&volume), &params, &exec).unwrap().draw_moved(View::FRONT, &exec).unwrap();
+    assert_eq!((still.out_mm, still.in_mm), (0.0, 0.0));
+    let grey = |image: &Image, [x, y]: [usize; 2]| {
+        let [red, green, blue] = pixel(image, x, y);
+        red == green && green == blue
+    };
+    // Above the bar.
+    let pixels = || (0..SIZE[1] / 2).flat_map(|y| (0..SIZE[0]).map(move |x| [x, y]));
+    assert!(pixels().all(|at| grey(&still.image, at)));
+    // A dent below leaves the upper half as it was.
+    let carried = displacement(volume.grid(), |at| {
+        (at - centre - Vector3::new(0.0, 14.0, -8.0)).norm().lt(&6.0).then_some(Vector3::new(0.0, 1.0, 0.0))
+    });
+    let scene = Scene { displacement: Some(&carried), ..Scene::new(&volume) };
+    let dented = Prepared::new(&scene, &params, &exec).unwrap().draw_moved(View::FRONT, &exec).unwrap();
+    assert!(dented.out_mm.max(dented.in_mm) > 0.3, "{} and {}", dented.out_mm, dented.in_mm);
+    let upper = |image: &Image| {
+        pixels().filter(|at| at[1] < SIZE[1] / 3).map(|[x, y]| pixel(image, x, y)).collect::<Vec<_>>()
+    };
+    assert_eq!(upper(&dented.image), upper(&still.image));
+}
