@@ -118,7 +118,7 @@ mod tests {
     fn a_method_that_says_what_it_takes_is_believed() {
         let takes = |method: &str| {
             let text = format!(
-                "schema = 1\n[input]\nfile = \"a.nii\"\n[refine]\nmethod = \"{method}\"\nlevel = 1\n"
+                "schema = 1\n[input]\nfile = \"a.nii\"\n[refine]\nmethod = \"{method}\"\n[output]\nimages = [\"before\"]\n"
             );
             let scene = crate::scene::parse(&text, &[]).unwrap();
             crate::Stage::memory(scene.section(&ivd_lattice::refine::STAGE).unwrap())
