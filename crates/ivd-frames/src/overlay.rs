@@ -1,6 +1,7 @@
 //! Colours over slices: how far what is seen has come, and how its volume has changed.
 
 use ivd_core::{Displacement, VoxelIndex};
+use ivd_render::scale::{BLUE_TO_RED, colour_at, rounded_up};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -14,9 +15,6 @@ const WHOLE: [f64; 2] = [0.15, 0.6];
 const SEEN: f64 = 24.0;
 /// From dark to light, for any colour vision: a few of viridis (van der Walt and Smith 2015).
 const MOTION: [[u8; 3]; 5] = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-/// Squeezed is blue and stretched is red: ends and middle of RdBu (Brewer).
-const VOLUME: [[u8; 3]; 5] =
-    [[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]];
 
 /// What colours over slices tell of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,15 +50,12 @@ impl Overlay {
 
     /// The colour at a share of the scale, 0 … 1; beyond its ends that of the end.
     pub fn colour(self, share: f64) -> [u8; 3] {
+        // Squeezed is blue and stretched is red.
         let stops = match self {
             Self::Motion => MOTION,
-            Self::Volume => VOLUME,
+            Self::Volume => BLUE_TO_RED,
         };
-        let at = share.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
-        let first = (at.floor() as usize).min(stops.len() - 2);
-        let way = at - first as f64;
-        let part = |c: usize| f64::from(stops[first][c]) * (1.0 - way) + f64::from(stops[first + 1][c]) * way;
-        [0, 1, 2].map(|c| part(c).round() as u8)
+        colour_at(&stops, share)
     }
 
     /// A pixel of a slice with its colour over it.
@@ -133,13 +128,6 @@ fn times(displacement: &Displacement, voxel: [usize; 3]) -> f64 {
     });
     let change = Matrix3::from_columns(&columns) * grid.inverse_linear_part();
     1.0 / (Matrix3::identity() + change).determinant()
-}
-
-/// The least of 1, 2, 5, 10 … that is no less.
-fn rounded_up(least: f64) -> f64 {
-    let power = 10.0_f64.powf(least.log10().floor());
-    let found = [1.0, 2.0, 5.0].map(|n| n * power).into_iter().find(|n| *n >= least);
-    found.unwrap_or(10.0 * power)
 }
 
 #[cfg(test)]
@@ -232,6 +220,6 @@ mod tests {
         assert!(ends.iter().zip(wanted).all(|(end, wanted)| (end - wanted).abs() < 1e-9), "{ends:?}");
         assert_eq!(Overlay::Volume.scale(9.0), [0.5, 2.0]);
         assert_eq!([-1.0, 0.0].map(|share| Overlay::Motion.colour(share)), [MOTION[0]; 2]);
-        assert_eq!([0.25, 1.0].map(|share| Overlay::Volume.colour(share)), [VOLUME[1], VOLUME[4]]);
+        assert_eq!([0.25, 1.0].map(|share| Overlay::Volume.colour(share)), [BLUE_TO_RED[1], BLUE_TO_RED[4]]);
     }
 }

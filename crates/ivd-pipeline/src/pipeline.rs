@@ -126,8 +126,8 @@ fn attempt<C: Control>(
         stages.extend(plan.nodes().iter().filter(|n| n.is_reported()).map(|n| idle(n, state(n))));
         Vec::new()
     } else {
-        let needed: Vec<[u64; 2]> =
-            plan.nodes().iter().filter(|n| n.needed).map(|n| memory(loaded, n.id.stage)).collect();
+        let stages_of = plan.nodes().iter().filter(|n| n.needed).filter_map(|n| n.stage.as_ref());
+        let needed: Vec<[u64; 2]> = stages_of.map(|stage| stage.memory()).collect();
         let mut seen = Size::default();
         walk(loaded, options, plan, &mut control, &mut stages, (&mut seen, runner)).map_err(|error| {
             let error = whole(error, &needed, seen, runner.exec);
@@ -142,12 +142,6 @@ fn attempt<C: Control>(
     let own = stages.iter().map(|stage| stage.peak_own_mb).chain(outputs.iter().map(|file| file.peak_own_mb));
     let peak_own_mb = own.flatten().reduce(f64::max);
     Ok((PipelineReport { stages, outputs, wall_s, peak_rss_mb, peak_own_mb }, control))
-}
-
-/// About how much memory a stage of a scene takes; see [`ivd_core::op::Stage::memory`].
-fn memory(loaded: &Loaded, stage: &str) -> [u64; 2] {
-    let section = loaded.scene.sections().iter().find(|section| section.stage().name == stage);
-    section.map_or(need::OTHERS, Stage::memory)
 }
 
 /// The error of a run, where a memory limit ended it with one that does for all that was needed.

@@ -68,12 +68,6 @@ pub(crate) fn with_bar(image: &Image, bar: &Bar<'_>) -> Image {
     canvas.into_image()
 }
 
-/// The least of 1, 2, 5 · 10ⁿ that is no less.
-pub(crate) fn rounded_up(least: f64) -> f64 {
-    let power = 10_f64.powf(least.log10().floor());
-    [1.0, 2.0, 5.0].map(|digit| digit * power).into_iter().find(|n| *n >= least).unwrap_or(10.0 * power)
-}
-
 struct Canvas {
     width: usize,
     height: usize,

@@ -11,10 +11,10 @@ pub(crate) struct Camera {
     pub(crate) towards_eye: Vector3<f64>,
     pub(crate) right: Vector3<f64>,
     pub(crate) up: Vector3<f64>,
-    /// Size of a pixel in the plane through what the camera looks at [mm].
+    /// Size of a pixel in the plane through what the camera looks at (mm).
     pub(crate) pixel_mm: f64,
     centre: Vector3<f64>,
-    /// Distance of the eye, or of the plane that parallel rays start from, to what the camera looks at [mm].
+    /// Distance of the eye, or of the plane that parallel rays start from, to what the camera looks at (mm).
     distance: f64,
     projection: Projection,
     size: [usize; 2],
@@ -123,6 +123,17 @@ impl Camera {
         self.centre
     }
 
+    /// Unit direction from a place towards the eye (RAS): the line of sight through it.
+    pub(crate) fn sight(&self, place: Vector3<f64>) -> Vector3<f64> {
+        match self.projection {
+            Projection::Orthographic => self.towards_eye,
+            Projection::Perspective => {
+                let eye = self.centre + self.towards_eye * self.distance;
+                (eye - place).try_normalize(0.0).unwrap_or(self.towards_eye)
+            }
+        }
+    }
+
     /// In voxel coordinates: where rays start, and a millimetre to the right, up, and away from the eye.
     pub(crate) fn axes(&self) -> [Vector3<f64>; 4] {
         [self.start, self.voxels_right, self.voxels_up, self.voxels_away]
@@ -132,12 +143,12 @@ impl Camera {
         self.projection
     }
 
-    /// From the eye, or the plane that parallel rays start from, to what the camera looks at [mm].
+    /// From the eye, or the plane that parallel rays start from, to what the camera looks at (mm).
     pub(crate) fn distance(&self) -> f64 {
         self.distance
     }
 
-    /// Distance of samples along a ray [mm].
+    /// Distance of samples along a ray (mm).
     pub(crate) fn step(&self) -> f64 {
         self.step_mm
     }
@@ -166,7 +177,7 @@ impl Camera {
         Some([width + x, height - y])
     }
 
-    /// Distance of a world position from the eye, or from the plane that parallel rays start from, along the view [mm].
+    /// Distance of a world position from the eye, or from the plane that parallel rays start from, along the view (mm).
     pub(crate) fn depth(&self, world: Vector3<f64>) -> f64 {
         self.distance - (world - self.centre).dot(&self.towards_eye)
     }
@@ -206,7 +217,7 @@ impl Camera {
         Some(self.part(from, direction, [near, far], cut))
     }
 
-    /// The ray from a place (voxel coordinate) along a direction of the world, from one distance to another [mm], as far as it is in the volume and in what is
+    /// The ray from a place (voxel coordinate) along a direction of the world, from one distance to another (mm), as far as it is in the volume and in what is
     /// shown.
     pub(crate) fn ray_along(
         &self,
@@ -220,7 +231,7 @@ impl Camera {
         (near < far).then(|| self.part(from, direction, [near, far], None))
     }
 
-    /// A difference in the world [mm] as one of voxel coordinates.
+    /// A difference in the world (mm) as one of voxel coordinates.
     pub(crate) fn in_voxels(&self, world: Vector3<f64>) -> Vector3<f64> {
         let part = |axis: Vector3<f64>| axis.dot(&world);
         self.voxels_right * part(self.right) + self.voxels_up * part(self.up)
@@ -322,7 +333,7 @@ impl Camera {
     }
 }
 
-/// Where a camera looks, from how far, and the size of a pixel there at zoom 1 [mm].
+/// Where a camera looks, from how far, and the size of a pixel there at zoom 1 (mm).
 struct Placed {
     centre: Vector3<f64>,
     distance: f64,
@@ -396,23 +407,23 @@ fn half_angle(params: &RenderParams) -> f64 {
     0.5 * params.view.field_of_view.to_radians()
 }
 
-/// Distance of samples along a ray [mm].
+/// Distance of samples along a ray (mm).
 pub(crate) fn step_mm(grid: &Grid, params: &RenderParams) -> f64 {
     params.step * grid.shortest_edge()
 }
 
-/// The middle of the volume [mm].
+/// The middle of the volume (mm).
 pub(crate) fn centre(grid: &Grid) -> Vector3<f64> {
     let dims = grid.dims();
     grid.world(VoxelCoord(Vector3::from_fn(|a, _| 0.5 * (dims[a] - 1) as f64))).0
 }
 
-/// The longest way through the volume [mm].
+/// The longest way through the volume (mm).
 pub(crate) fn diagonal(grid: &Grid) -> f64 {
     2.0 * radius(grid)
 }
 
-/// Radius of the sphere round the volume [mm].
+/// Radius of the sphere round the volume (mm).
 fn radius(grid: &Grid) -> f64 {
     let half = grid.dims().map(|n| 0.5 * n as f64);
     let linear = grid.linear_part();

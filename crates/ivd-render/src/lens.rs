@@ -44,14 +44,7 @@ impl Lens {
 
     /// Unit direction from a place towards the eye (RAS): the line of sight through it.
     pub fn sight(&self, place: [f64; 3]) -> [f64; 3] {
-        let Camera { towards_eye, .. } = self.camera;
-        match self.camera.projection() {
-            Projection::Orthographic => towards_eye.into(),
-            Projection::Perspective => {
-                let eye = self.camera.centre() + towards_eye * self.camera.distance();
-                (eye - Vector3::from(place)).try_normalize(0.0).unwrap_or(towards_eye).into()
-            }
-        }
+        self.camera.sight(Vector3::from(place)).into()
     }
 
     /// How far apart places beside this one are that neighbouring pixels show (mm): for moving it with the pointer.

@@ -76,6 +76,7 @@ mod project;
 mod rendered;
 #[allow(unsafe_code, reason = "unchecked gathers, argued in the module's head")]
 mod samples;
+pub mod scale;
 mod scene;
 mod skip;
 mod stack;

@@ -65,6 +65,14 @@ impl ClassLooks {
         }
     }
 
+    /// The same of one that may be there; `None` where there is none, or nothing changes it.
+    pub(crate) fn changed(
+        &self,
+        transfer: Option<&TransferFunction>,
+    ) -> Result<Option<TransferFunction>, Error> {
+        transfer.filter(|_| !self.is_empty()).map(|transfer| self.of(transfer)).transpose()
+    }
+
     /// The transfer function with these looks.
     ///
     /// # Errors

@@ -4,6 +4,7 @@ use egui::{ComboBox, DragValue, Grid, Ui};
 use ivd_frames::{Bone, Figures, Request, Tool};
 
 use crate::handles::place;
+use crate::rulers::two_places;
 use crate::window::Window;
 
 /// By how much a field changes when the pointer is dragged over it by a point (degrees, mm).
@@ -26,33 +27,15 @@ impl Window {
         if figures.solver == "ring" {
             ui.weak(RINGS);
         } else if self.tool == Tool::Bone {
-            self.new_bone(ui, figures);
+            let places = two_places(ui, "Bone", &mut self.bone_from, figures.cross);
+            if let Some([from, to]) = places {
+                self.ask(Request::Bone { from, to });
+            }
         }
         for bone in &figures.bones {
             self.bone(ui, &self.pending.bone(bone));
         }
         ui.separator();
-    }
-
-    /// A bone without a pointer: from where the slices meet to where they meet then.
-    fn new_bone(&mut self, ui: &mut Ui, figures: &Figures) {
-        let Some(from) = self.bone_from else {
-            let begin = ui.button("Bone from where the slices meet");
-            if begin.on_hover_text("Then go to its other end, and press it again").clicked() {
-                self.bone_from = Some(figures.cross);
-            }
-            return;
-        };
-        ui.weak(format!("from {} mm", place(from)));
-        ui.horizontal(|ui| {
-            if ui.button("Bone to where the slices meet").clicked() {
-                self.ask(Request::Bone { from, to: figures.cross });
-                self.bone_from = None;
-            }
-            if ui.button("×").accessible_name("No bone").on_hover_text("Give it up").clicked() {
-                self.bone_from = None;
-            }
-        });
     }
 
     fn bone(&mut self, ui: &mut Ui, bone: &Bone) {

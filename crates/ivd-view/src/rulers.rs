@@ -16,33 +16,14 @@ impl Window {
             return;
         }
         ui.heading("Rulers").on_hover_text(WITH);
-        self.new_ruler(ui, figures);
+        let places = two_places(ui, "Ruler", &mut self.ruler_from, figures.cross);
+        if let Some(places) = places {
+            self.ask(Request::Ruler { ruler: None, places: places.to_vec() });
+        }
         for ruler in &figures.rulers {
             self.ruler(ui, figures, ruler);
         }
         ui.separator();
-    }
-
-    /// A ruler without a pointer: from where the slices meet to where they meet then.
-    fn new_ruler(&mut self, ui: &mut Ui, figures: &Figures) {
-        let cross = figures.cross;
-        let Some(from) = self.ruler_from else {
-            let begin = ui.button("Ruler from where the slices meet");
-            if begin.on_hover_text("Then go elsewhere, and press it again").clicked() {
-                self.ruler_from = Some(cross);
-            }
-            return;
-        };
-        ui.weak(format!("from {} mm", place(from)));
-        ui.horizontal(|ui| {
-            if ui.button("Ruler to where the slices meet").clicked() {
-                self.ask(Request::Ruler { ruler: None, places: vec![from, cross] });
-                self.ruler_from = None;
-            }
-            if ui.button("×").accessible_name("No ruler").on_hover_text("Give it up").clicked() {
-                self.ruler_from = None;
-            }
-        });
     }
 
     fn ruler(&mut self, ui: &mut Ui, figures: &Figures, ruler: &Ruler) {
@@ -67,6 +48,34 @@ impl Window {
         let places: Vec<String> = places.iter().map(|at| place(*at)).collect();
         ui.weak(format!("{} mm", places.join(" – ")));
     }
+}
+
+/// Two places without a pointer, for what is called so: where the slices meet, and where they meet then.
+pub(crate) fn two_places(
+    ui: &mut Ui,
+    word: &str,
+    begun: &mut Option<[f64; 3]>,
+    cross: [f64; 3],
+) -> Option<[[f64; 3]; 2]> {
+    let Some(from) = *begun else {
+        let begin = ui.button(format!("{word} from where the slices meet"));
+        if begin.on_hover_text("Then go elsewhere, and press it again").clicked() {
+            *begun = Some(cross);
+        }
+        return None;
+    };
+    ui.weak(format!("from {} mm", place(from)));
+    let [ends, gives_up] = ui
+        .horizontal(|ui| {
+            let ends = ui.button(format!("{word} to where the slices meet")).clicked();
+            let none = ui.button("×").accessible_name(format!("No {}", word.to_lowercase()));
+            [ends, none.on_hover_text("Give it up").clicked()]
+        })
+        .inner;
+    if ends || gives_up {
+        *begun = None;
+    }
+    ends.then_some([from, cross])
 }
 
 fn is_rest(figures: &Figures) -> bool {

@@ -184,25 +184,21 @@ impl Scene {
         let moved = [
             ("output.volume", self.output.volume.is_some() && !result && !input),
             ("output.displacement", self.output.displacement.is_some()),
+            ("output.images \"moved\"", self.output.images.contains(&Picture::Moved)),
             (
                 "output.images \"after\" or \"difference\"",
                 self.output.images.iter().any(|p| *p != Picture::Before) && !result,
             ),
         ];
-        if self.output.images.contains(&Picture::Moved) {
-            if !deforms {
-                return Err("output.images \"moved\" shows how far a surface has moved, but nothing deforms it; drop it".to_owned());
-            }
-            if !self.shows_a_surface() {
-                return Err("output.images \"moved\" is for render.mode = \"dvr\" or \"iso\", which show a surface; drop it, or choose one of them".to_owned());
-            }
-        }
         let still = self.asked().is_none_or(|asked| asked.is_still());
         if let Some((name, _)) = moved.iter().find(|(_, wanted)| !deforms && *wanted) {
             return Err(format!(
                 "{name} shows a deformation, but there is no [[deform.handle]], [[deform.rigid]], [[deform.shape]] or [[space.step]]; \
                  add one or drop the output"
             ));
+        }
+        if self.output.images.contains(&Picture::Moved) && !self.shows_a_surface() {
+            return Err("output.images \"moved\" is for render.mode = \"dvr\" or \"iso\", which show a surface; drop it, or choose one of them".to_owned());
         }
         let in_motion = [
             ("lattice_deformed", &self.output.lattice_deformed),

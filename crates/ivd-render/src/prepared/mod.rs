@@ -252,9 +252,7 @@ impl<'a> Prepared<'a> {
         let mut light = Vec::with_capacity(if keep_light { length } else { 0 });
         let (mut samples, mut skipped) = (0, 0);
         for frame in 0..turntable {
-            let turn = 360.0 * frame as f64 / turntable as f64;
-            let turned = View { angles: [view.angles[0] + turn, view.angles[1]], ..view };
-            let made = self.picture(turned, exec)?;
+            let made = self.picture(self.turned(view, frame), exec)?;
             rgba.extend_from_slice(made.image.rgba());
             light.extend_from_slice(made.image.light().unwrap_or_default());
             (samples, skipped) = (samples + made.samples, skipped + made.skipped);
@@ -262,6 +260,12 @@ impl<'a> Prepared<'a> {
         let image = Image::of_frames(size, turntable, rgba)?;
         let image = if keep_light { image.with_light(light)? } else { image };
         Ok(Made { image, samples, skipped }.into())
+    }
+
+    /// The view of a frame of a turntable that begins with a view.
+    fn turned(&self, view: View, frame: usize) -> View {
+        let turn = 360.0 * frame as f64 / self.params.turntable as f64;
+        View { angles: [view.angles[0] + turn, view.angles[1]], ..view }
     }
 
     /// The picture of a view.

@@ -9,8 +9,9 @@ use super::cast::with_fast;
 use crate::annotate::{self, Bar};
 use crate::camera::{Camera, Ray};
 use crate::picture;
+use crate::scale::{BLUE_TO_RED, colour_at, rounded_up};
 use crate::wide::Pairs;
-use crate::{Error, Projection, RenderParams, View};
+use crate::{Error, RenderParams, View};
 
 /// How much of a pixel is its colour at most.
 const OPAQUE: f32 = 0.85;
@@ -20,10 +21,6 @@ const WHOLE: f32 = 0.15;
 const SHADED: f32 = 0.4;
 /// Motions are told from this length on (mm).
 const LEAST: f64 = 1e-3;
-/// In, not at all, out: ends and middle of RdBu (Brewer).
-const COLOURS: [[u8; 3]; 5] =
-    [[33, 102, 172], [146, 197, 222], [247, 247, 247], [244, 165, 130], [178, 24, 43]];
-
 /// A picture of how far what is seen has come out of its surface or gone into it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moved {
@@ -46,13 +43,9 @@ impl Prepared<'_> {
     pub fn draw_moved(&self, view: View, exec: &Exec) -> Result<Moved, Error> {
         let RenderParams { size, turntable, .. } = self.params;
         exec.check_memory("pictures", (12 * turntable * size[0] * size[1]) as u64)?;
-        let turned = |frame: usize| {
-            let turn = 360.0 * frame as f64 / turntable as f64;
-            View { angles: [view.angles[0] + turn, view.angles[1]], ..view }
-        };
         let mut frames = Vec::with_capacity(turntable);
         for frame in 0..turntable {
-            let params = RenderParams { view: turned(frame), ..self.params.clone() };
+            let params = RenderParams { view: self.turned(view, frame), ..self.params.clone() };
             let came = exec.run(|| with_fast!(&self.voxels, slice => self.came(slice, &params, exec)))?;
             let light = self.radiance(params.view, exec)?;
             let image = picture::compose(&light, params.background.map(|c| c as f32));
@@ -60,7 +53,7 @@ impl Prepared<'_> {
         }
         let all = frames.iter().flat_map(|(.., came)| came).filter(|mm| mm.is_finite());
         let [least, most] = all.fold([0.0_f32; 2], |[a, b], mm| [a.min(*mm), b.max(*mm)]).map(f64::from);
-        let scale_mm = annotate::rounded_up((-least).max(most).max(LEAST));
+        let scale_mm = rounded_up((-least).max(most).max(LEAST));
         let mut rgba = Vec::with_capacity(4 * turntable * size[0] * size[1]);
         for (params, image, came) in frames {
             let camera = self.camera(&params);
@@ -101,7 +94,7 @@ impl Prepared<'_> {
             let normal = Vector3::from(field.normal_there(seen.sample, moves)?).map(f64::from);
             // What is seen faces the eye, whichever way its values go.
             let along = normal.dot(&by);
-            Some(if normal.dot(&towards_eye(&camera, place)) < 0.0 { -along } else { along } as f32)
+            Some(if normal.dot(&camera.sight(place)) < 0.0 { -along } else { along } as f32)
         };
         let rows = came.par_chunks_mut(width).enumerate().skip(top).take(bottom - top);
         rows.try_for_each(|(y, row)| {
@@ -145,14 +138,6 @@ impl Prepared<'_> {
     }
 }
 
-/// Towards the eye from a place.
-fn towards_eye(camera: &Camera, place: Vector3<f64>) -> Vector3<f64> {
-    match camera.projection() {
-        Projection::Orthographic => camera.towards_eye,
-        Projection::Perspective => camera.centre() + camera.towards_eye * camera.distance() - place,
-    }
-}
-
 /// A pixel in grey, with the colour of a share of the scale, −1…1, over it.
 fn coloured(pixel: &[u8], share: f32) -> [u8; 4] {
     let grey = 0.2126 * f32::from(pixel[0]) + 0.7152 * f32::from(pixel[1]) + 0.0722 * f32::from(pixel[2]);
@@ -165,11 +150,7 @@ fn coloured(pixel: &[u8], share: f32) -> [u8; 4] {
 
 /// The colour of a share of the scale, −1…1.
 fn colour(share: f64) -> [u8; 3] {
-    let at = (0.5 + 0.5 * share.clamp(-1.0, 1.0)) * (COLOURS.len() - 1) as f64;
-    let first = (at.floor() as usize).min(COLOURS.len() - 2);
-    let way = at - first as f64;
-    let part = |c: usize| f64::from(COLOURS[first][c]) * (1.0 - way) + f64::from(COLOURS[first + 1][c]) * way;
-    [0, 1, 2].map(|c| part(c).round() as u8)
+    colour_at(&BLUE_TO_RED, 0.5 + 0.5 * share)
 }
 
 #[cfg(test)]
@@ -184,6 +165,6 @@ mod tests {
         let [out, inwards] = [1.0, -1.0].map(|share| coloured(&pixel, share));
         assert!(out[0] > out[2] + 50 && inwards[2] > inwards[0] + 50, "{out:?} {inwards:?}");
         assert_eq!(colour(0.0), [247; 3]);
-        assert_eq!((colour(-3.0), colour(1.0)), (COLOURS[0], COLOURS[4]));
+        assert_eq!((colour(-3.0), colour(1.0)), (BLUE_TO_RED[0], BLUE_TO_RED[4]));
     }
 }

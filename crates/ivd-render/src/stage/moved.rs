@@ -79,8 +79,7 @@ impl Op for MovedParams {
     fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, MovedFigures), Failure> {
         let start = Instant::now();
         let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
-        let with_looks = |transfer| self.classes.of(transfer).map(Some);
-        let changed = transfer.filter(|_| !self.classes.is_empty()).map_or(Ok(None), with_looks)?;
+        let changed = self.classes.changed(transfer)?;
         let transfer = changed.as_ref().or(transfer).filter(|_| self.iso.is_none());
         let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
         let prepared = Prepared::new(&scene, &self.asked(), exec)?;

@@ -115,8 +115,7 @@ macro_rules! coloured {
 
             fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
                 let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
-                let with_looks = |transfer| self.classes.of(transfer).map(Some);
-                let changed = transfer.filter(|_| !self.classes.is_empty()).map_or(Ok(None), with_looks)?;
+                let changed = self.classes.changed(transfer)?;
                 let transfer = changed.as_ref().or(transfer);
                 let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
                 drawn(&scene, &self.asked(), exec)
