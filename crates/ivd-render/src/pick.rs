@@ -1,5 +1,7 @@
 //! What a picture shows at a pixel: from a place in the picture to a place in the patient.
 
+use std::ops::ControlFlow;
+
 use ivd_core::{Labels, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 
@@ -9,7 +11,7 @@ use crate::dvr::{Optics, Step};
 use crate::project::{Project, decisive};
 use crate::samples::Stored;
 
-/// Opacity behind which lies what a picture is said to show; where a whole ray has less, half of what it has.
+/// Share of a ray's opacity behind which lies what a picture is said to show.
 const HALF: f32 = 0.5;
 /// A ray with less opacity shows nothing: of white on black it changes no pixel of 8 bits, in which the darkest light is 1/12.92 of its number.
 const NOTHING: f32 = 0.5 / 255.0 / 12.92;
@@ -42,36 +44,50 @@ impl Seen {
     }
 }
 
+/// A ray that lets no more than this through is as opaque as one that lets nothing through: 1 − 2⁻²⁵ is 1.
+const CLOSED: f32 = 0.5 * 0.5 * f32::EPSILON;
+
 /// Where the opacity of a ray passes a half: a step's opacity is spread over its length, from its middle on where what lies before it is clear.
 pub(crate) fn half_way<T: Stored, O: Optics<T>>(field: &Field<'_, T>, optics: &O, ray: &Ray) -> Option<Seen> {
-    let opacities = || {
-        let mut front = None;
-        (0..ray.steps).map(move |number| {
+    let mut clear = if ray.rest > 0.0 { 1.0 - optics.rest(field, ray)[3] } else { 1.0 };
+    // The steps that take light, and how much.
+    let mut taking = Vec::new();
+    let (mut front, mut behind) = (None, 1.0);
+    field.space.walk(ray, |brick, steps| {
+        for number in steps {
             let at = ray.at(number);
             let place = field.samples.shape.place(at);
-            let step = Step { number, at, place, brick: field.space.brick(at), through: 1.0 };
-            let (entry, end) = optics.step(field, ray, &step, front.take());
-            front = Some(end);
-            entry[3]
-        })
-    };
-    let rest = if ray.rest > 0.0 { optics.rest(field, ray)[3] } else { 0.0 };
-    let clear = opacities().fold(1.0 - rest, |through, opacity| through * (1.0 - opacity));
+            let step = Step { number, at, place, brick, through: 1.0 };
+            // The end of the step before, unless that was leapt over.
+            let known = front.take().filter(|(before, _)| before + 1 == number).map(|(_, end)| end);
+            let (entry, end) = optics.step(field, ray, &step, known);
+            front = Some((number, end));
+            if entry[3] > 0.0 {
+                taking.push((number, entry[3]));
+                clear *= 1.0 - entry[3];
+                behind *= 1.0 - entry[3];
+                if behind <= CLOSED {
+                    return ControlFlow::Break(());
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    });
     if 1.0 - clear < NOTHING {
         return None;
     }
-    let wanted = 1.0 - HALF.min(HALF * (1.0 - clear));
-    let (mut through, mut before) = (1.0_f32, 0.0);
-    for (number, opacity) in opacities().enumerate() {
+    let wanted = 1.0 - HALF * (1.0 - clear);
+    let (mut through, mut last) = (1.0_f32, None);
+    for (number, opacity) in taking {
         let after = through * (1.0 - opacity);
         if after <= wanted {
             let share = if opacity < 1.0 { (wanted / through).ln() / (1.0 - opacity).ln() } else { 0.0 };
-            let least = if before > 0.0 { 0.0 } else { 0.5 };
+            let least = if last.is_some_and(|last| last + 1 == number) { 0.0 } else { 0.5 };
             let t = number as f32 - 0.5 + share.clamp(least, 1.0);
             let place = std::array::from_fn(|a| ray.start[a] + t * ray.delta[a]);
             return Some(Seen { place, sample: ray.at(number) });
         }
-        (through, before) = (after, opacity);
+        (through, last) = (after, Some(number));
     }
     Some(Seen::at(ray.rest_at))
 }

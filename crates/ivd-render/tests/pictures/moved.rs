@@ -1,7 +1,7 @@
 //! How far what is seen has come out of its surface.
 
-use ivd_core::{Exec, Grid, Image, Volume, VoxelIndex};
-use ivd_render::{Fit, Mode, Moved, Prepared, Projection, RenderParams, Scene, View};
+use ivd_core::{Exec, Grid, Image, TransferFunction, Volume, VoxelIndex, Voxels};
+use ivd_render::{Clip, Fit, Mode, Moved, Prepared, Projection, RenderParams, Scene, View};
 use nalgebra::Vector3;
 
 use super::common::{displacement, sampled};
@@ -26,14 +26,24 @@ fn params(view: View) -> RenderParams {
 
 /// The ball, moved along a picture's right, up or towards the eye.
 fn moved(view: View, along: [f64; 3]) -> Moved {
-    let (volume, centre) = ball();
-    let params = params(view);
-    let still = Prepared::new(&Scene::new(&volume), &params, &Exec::default()).unwrap();
+    moved_by(&ball().0, None, &params(view), along)
+}
+
+/// The same of any volume of the ball, seen by any means.
+fn moved_by(
+    volume: &Volume,
+    transfer: Option<&TransferFunction>,
+    params: &RenderParams,
+    along: [f64; 3],
+) -> Moved {
+    let (centre, view) = (ball().1, params.view);
+    let scene = Scene { transfer, ..Scene::new(volume) };
+    let still = Prepared::new(&scene, params, &Exec::default()).unwrap();
     let axes = still.lens(view).unwrap().axes().map(Vector3::from);
     let by = axes[0] * along[0] + axes[1] * along[1] + axes[2] * along[2];
     let carried = displacement(volume.grid(), |at| ((at - centre).norm() < 25.0).then_some(-by));
-    let scene = Scene { displacement: Some(&carried), ..Scene::new(&volume) };
-    Prepared::new(&scene, &params, &Exec::default()).unwrap().draw_moved(view, &Exec::default()).unwrap()
+    let scene = Scene { displacement: Some(&carried), ..scene };
+    Prepared::new(&scene, params, &Exec::default()).unwrap().draw_moved(view, &Exec::default()).unwrap()
 }
 
 fn pixel(image: &Image, x: usize, y: usize) -> [i32; 3] {
@@ -78,6 +88,66 @@ fn what_goes_across_comes_out_on_one_side_and_goes_in_on_the_other() {
         let [red, _, blue] = pixel(&found.image, SIZE[0] / 2, SIZE[1] / 2);
         assert!((red - blue).abs() < 30, "{red} and {blue}");
     }
+}
+
+#[test]
+fn of_what_is_seen_through_it_is_the_half_way_place_that_counts() {
+    // Opacity rises from the ball's surface on, so that all directions are known where half of it lies.
+    let table = (0..256).map(|i| [1.0, 0.8, 0.6, if i > 128 { (i - 128) as f32 / 400.0 } else { 0.0 }]);
+    let transfer = TransferFunction::new([-2.0, 30.0], 256, 1.0, vec![0], table.collect(), vec![]).unwrap();
+    for angles in [[0.0, 0.0], [130.0, 35.0]] {
+        let view = View { angles, ..View::FRONT };
+        let seen = RenderParams { mode: Mode::Dvr, ..params(view) };
+        for sign in [1.0, -1.0] {
+            let found = moved_by(&ball().0, Some(&transfer), &seen, [0.0, 0.0, sign * FAR]);
+            let [most, least] =
+                if sign > 0.0 { [found.out_mm, found.in_mm] } else { [found.in_mm, found.out_mm] };
+            assert!((most - FAR).abs() < 0.02 && least < 0.1, "{angles:?} {sign}: {most} and {least}");
+            let [red, _, blue] = pixel(&found.image, SIZE[0] / 2, SIZE[1] / 2);
+            assert!(f64::from(red - blue) * sign > 40.0, "{angles:?} {sign}: {red} and {blue}");
+        }
+    }
+}
+
+#[test]
+fn the_pictures_of_a_turntable_have_one_scale() {
+    // Towards the eye at first, away from it when it is seen from behind.
+    let turning = RenderParams { turntable: 4, ..params(View::FRONT) };
+    let found = moved_by(&ball().0, None, &turning, [0.0, 0.0, FAR]);
+    assert_eq!((found.image.frames(), found.scale_mm), (4, 2.0));
+    assert!((found.out_mm - FAR).abs() < 0.01 && (found.in_mm - FAR).abs() < 0.01, "{found:?}");
+    for (frame, sign) in [(0, 1), (2, -1)] {
+        let [red, _, blue] = pixel(&found.image, SIZE[0] / 2, SIZE[1] / 2 + frame * SIZE[1]);
+        assert!((red - blue) * sign > 40, "{frame}: {red} and {blue}");
+    }
+}
+
+#[test]
+fn faces_of_cuts_and_places_without_data_have_no_colour() {
+    let (volume, centre) = ball();
+    let middle = [SIZE[0] / 2, SIZE[1] / 2];
+    let is_grey = |image: &Image, [x, y]: [usize; 2]| {
+        let [red, green, blue] = pixel(image, x, y);
+        red == green && green == blue
+    };
+    // Cut across its middle, towards the eye.
+    let towards = Prepared::new(&Scene::new(&volume), &params(View::FRONT), &Exec::default()).unwrap();
+    let towards = Vector3::from(towards.lens(View::FRONT).unwrap().axes()[2]);
+    let clip = vec![Clip::plane(centre.into(), (-towards).into())];
+    let cut = moved_by(&volume, None, &RenderParams { clip, ..params(View::FRONT) }, [0.0, 0.0, FAR]);
+    assert!(is_grey(&cut.image, middle), "{:?}", pixel(&cut.image, middle[0], middle[1]));
+    // Its side towards the eye is missing: the rest of its surface, if it is seen at all, is told as it is.
+    let Voxels::F32(values) = volume.voxels() else { unreachable!("made so") };
+    let mut values = values.to_vec();
+    for (i, value) in values.iter_mut().enumerate() {
+        if (volume.grid().world(volume.grid().index(i).into()).0 - centre).dot(&towards) > 4.0 {
+            *value = f32::NAN;
+        }
+    }
+    let holed = Volume::new(volume.grid().clone(), values.into()).unwrap();
+    let holed = moved_by(&holed, None, &params(View::FRONT), [0.0, 0.0, FAR]);
+    assert!(holed.out_mm <= FAR + 0.01 && holed.in_mm < 0.1, "{} and {}", holed.out_mm, holed.in_mm);
+    assert!(is_grey(&holed.image, middle), "{:?}", pixel(&holed.image, middle[0], middle[1]));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What a picture shows at a pixel.
 
 use ivd_core::{Exec, Grid, Labels, TransferFunction, Volume, VoxelIndex, World};
-use ivd_render::{Fit, Mode, Pick, Prepared, Projection, RenderParams, Scene, View};
+use ivd_render::{Classification, Clip, Fit, Mode, Pick, Prepared, Projection, RenderParams, Scene, View};
 use nalgebra::Vector3;
 
 use super::common::{hills, twisted};
@@ -130,6 +130,41 @@ fn behind_a_hard_edge_it_is_what_is_seen_that_is_picked() {
         assert_eq!((pick.label, pick.value), (Some(1), Some(200.0)), "{pixel:?}");
         // The border of the labels lies half-way between the voxels 11 and 12.
         assert!((pick.place[1] - 11.5).abs() < 0.51, "{pixel:?}: {}", pick.place[1]);
+    }
+}
+
+#[test]
+fn what_is_leapt_over_moves_no_pick() {
+    let volume = hills::<u8>();
+    let grid = volume.grid();
+    let moved = twisted(grid);
+    let ids: Vec<u16> = (0..grid.len()).map(|i| 1 + (grid.index(i).0[2] % 2) as u16).collect();
+    let labels = Labels::new(grid.clone(), ids.into(), vec![]).unwrap();
+    // From thin to all but opaque.
+    let row = || (0..256).map(|i| [0.5, 0.5, 0.5, if i > 40 { (i - 40) as f32 / 220.0 } else { 0.0 }]);
+    let table = |rows: Vec<u16>| {
+        let entries = rows.iter().flat_map(|_| row()).collect();
+        TransferFunction::new([0.0, 255.0], 256, 1.0, rows, entries, vec![]).unwrap()
+    };
+    let (plain, labelled) = (table(vec![0]), table(vec![0, 1, 2]));
+    let centre = grid.world(VoxelIndex([22, 18, 14]).into()).0;
+    for projection in [Projection::Orthographic, Projection::Perspective] {
+        for (classification, labels) in [
+            (Classification::Post, None),
+            (Classification::Post, Some(&labels)),
+            (Classification::PreIntegrated, None),
+        ] {
+            for clip in [vec![], vec![Clip::plane(centre.into(), [0.3, -1.0, 0.2])]] {
+                let transfer = Some(if labels.is_some() { &labelled } else { &plain });
+                let scene = Scene { transfer, labels, displacement: Some(&moved), ..Scene::new(&volume) };
+                let view = View { angles: [28.0, 17.0], projection, ..View::FRONT };
+                let leaping = RenderParams { classification, clip, ..params(Mode::Dvr, view) };
+                let every = RenderParams { skip: false, ..leaping.clone() };
+                let found = picks(&scene, &leaping);
+                assert!(found.len() > 100, "{}", found.len());
+                assert_eq!(found, picks(&scene, &every), "{projection:?} {classification:?}");
+            }
+        }
     }
 }
 
