@@ -15,7 +15,7 @@ pub struct Built {
 /// same picture, and a 256³ volume has a reference of two voxels.
 const REFERENCES: f64 = 128.0;
 
-/// Length over which opacities hold on a grid [mm].
+/// Length over which opacities hold on a grid (mm).
 pub(crate) fn reference_mm(grid: &Grid) -> f64 {
     (grid.voxel_volume() * grid.len() as f64).cbrt() / REFERENCES
 }

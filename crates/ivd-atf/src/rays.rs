@@ -53,7 +53,7 @@ impl RayRow {
     }
 }
 
-/// All rays, and the different distances of their samples [mm].
+/// All rays, and the different distances of their samples (mm).
 pub(crate) struct Bundle {
     pub(crate) rows: Vec<RayRow>,
     pub(crate) step_mm: Vec<f64>,
@@ -117,7 +117,7 @@ impl View {
     /// The longest way through the volume is a whole number of steps, so that a thin one is looked through at its own thickness. In no
     /// direction is a step much longer than the distance of samples there, nor much shorter, whatever their spacing.
     ///
-    /// `apart`: distance of rays [mm].
+    /// `apart`: distance of rays (mm).
     fn new(direction: [f64; 3], reduced: &Reduced<'_>, apart: f64) -> Self {
         let spacing = Vector3::from(reduced.spacing);
         let dims = Vector3::from(reduced.dims.map(|n| n as f64));

@@ -21,9 +21,9 @@ pub(crate) struct Reduced<'a> {
     pub(crate) dims: [usize; 3],
     /// Voxels along each axis of the volume.
     pub(crate) full: [usize; 3],
-    /// Distance of samples [mm].
+    /// Distance of samples (mm).
     pub(crate) spacing: [f64; 3],
-    /// Distance of voxels [mm].
+    /// Distance of voxels (mm).
     pub(crate) voxel_spacing: [f64; 3],
     /// Level of every sample, x fastest.
     pub(crate) levels: Vec<u16>,

@@ -25,7 +25,7 @@ const PARTS: f32 = (1_u64 << 32) as f32;
 pub(crate) struct Bounds {
     pub(crate) least: f64,
     pub(crate) most: f64,
-    /// [mm]
+    /// (mm)
     pub(crate) reference_mm: f64,
 }
 

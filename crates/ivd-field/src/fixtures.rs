@@ -19,7 +19,7 @@ pub fn sheared_grid(dims: [usize; 3]) -> Grid {
     Grid::new(dims, [0.5, 0.7, 2.0], [1e4, -300.0, 42.0], [x.into(), y.into(), z.into()]).unwrap()
 }
 
-/// The field `u` [mm] of a world position relative to the grid's origin [mm], sampled at every voxel.
+/// The field `u` (mm) of a world position relative to the grid's origin (mm), sampled at every voxel.
 pub fn field(grid: &Grid, u: impl Fn(Vector3<f64>) -> Vector3<f64>) -> FieldBricks {
     let bricks = grid.dims().map(|n| n.div_ceil(8));
     let all: Vec<usize> = (0..bricks.iter().product()).collect();
@@ -41,7 +41,7 @@ pub fn displacement(grid: &Grid, forward: FieldBricks) -> Displacement {
         .with_inverse_residual_max(inverse.residual_max_voxels)
 }
 
-/// A smooth bump: `push` at `centre` (relative to the origin), 0 with its slope from `radius` on [mm].
+/// A smooth bump: `push` at `centre` (relative to the origin), 0 with its slope from `radius` on (mm).
 pub fn bump(centre: Vector3<f64>, radius: f64, push: Vector3<f64>) -> impl Fn(Vector3<f64>) -> Vector3<f64> {
     move |p| {
         let t = (p - centre).norm() / radius;
@@ -49,7 +49,7 @@ pub fn bump(centre: Vector3<f64>, radius: f64, push: Vector3<f64>) -> impl Fn(Ve
     }
 }
 
-/// Position of the middle of a grid relative to its origin [mm].
+/// Position of the middle of a grid relative to its origin (mm).
 pub fn middle(grid: &Grid) -> Vector3<f64> {
     grid.linear_part() * Vector3::from(grid.dims()).map(|n| (n as f64 - 1.0) / 2.0)
 }

@@ -71,9 +71,9 @@ impl Clip {
 pub(crate) struct HalfSpace {
     /// Unit, in the world, out of what is shown.
     pub(crate) outward: Vector3<f64>,
-    /// Rise of the height with a voxel along each axis [mm].
+    /// Rise of the height with a voxel along each axis (mm).
     pub(crate) along: Vector3<f64>,
-    /// Height of voxel 0 [mm].
+    /// Height of voxel 0 (mm).
     offset: f64,
 }
 
@@ -107,7 +107,7 @@ impl HalfSpace {
         Self { outward: -normal, along: grid.linear_part().transpose() * normal, offset }
     }
 
-    /// How far a voxel coordinate lies within what is shown [mm]; negative beyond the plane.
+    /// How far a voxel coordinate lies within what is shown (mm); negative beyond the plane.
     pub(crate) fn height(&self, at: Vector3<f64>) -> f64 {
         self.along.dot(&at) + self.offset
     }

@@ -14,12 +14,12 @@ pub(crate) const DARK: f64 = 0.05;
 pub(crate) enum Held {
     /// The sphere round the volume, across the shorter side.
     Volume,
-    /// These places, from the middle of the volume on [mm]; at least one.
+    /// These places, from the middle of the volume on (mm); at least one.
     Places(Vec<Vector3<f64>>),
 }
 
 impl Held {
-    /// The corners of the bricks that are seen, and further places from the middle of the volume on [mm]; the volume where nothing is seen.
+    /// The corners of the bricks that are seen, and further places from the middle of the volume on (mm); the volume where nothing is seen.
     pub(crate) fn of_bricks(grid: &Grid, seen: &[bool], more: Vec<Vector3<f64>>) -> Self {
         let dims = grid.dims();
         let [across, ..] = BrickIndex::dims_for(dims);
@@ -69,7 +69,7 @@ impl Held {
     }
 }
 
-/// Corners of the bricks from one of a row to another, from the middle of the volume on [mm]. A brick's samples reach to the first voxel of the next, at the volume's faces
+/// Corners of the bricks from one of a row to another, from the middle of the volume on (mm). A brick's samples reach to the first voxel of the next, at the volume's faces
 /// half a voxel further.
 fn corners(grid: &Grid, row: usize, [first, last]: [usize; 2]) -> impl Iterator<Item = Vector3<f64>> {
     let (dims, linear) = (grid.dims(), grid.linear_part());
@@ -89,7 +89,7 @@ fn corners(grid: &Grid, row: usize, [first, last]: [usize; 2]) -> impl Iterator<
     (0..8_usize).map(move |corner| linear * Vector3::from_fn(|a, _| end(a, corner >> a & 1 == 1) - middle(a)))
 }
 
-/// Places as the camera sees them: extents along the picture's right and up and towards the eye [mm].
+/// Places as the camera sees them: extents along the picture's right and up and towards the eye (mm).
 pub(crate) struct Extents {
     low: Vector3<f64>,
     high: Vector3<f64>,
@@ -112,14 +112,14 @@ impl Extents {
         0.5 * (self.low + self.high)
     }
 
-    /// Half of the width and of the height [mm].
+    /// Half of the width and of the height (mm).
     pub(crate) fn half(&self) -> [f64; 2] {
         let half = 0.5 * (self.high - self.low);
         [half.x, half.y]
     }
 }
 
-/// Size of a pixel at which so much to either side of the picture's middle fits [mm].
+/// Size of a pixel at which so much to either side of the picture's middle fits (mm).
 pub(crate) fn pixel(half: [f64; 2], size: [usize; 2]) -> f64 {
     let free = 2.0 * MARGIN * size[0].min(size[1]) as f64;
     let needed = |a: usize| 2.0 * half[a] / (size[a] as f64 - free);

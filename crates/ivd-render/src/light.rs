@@ -21,7 +21,7 @@ pub(crate) struct Light {
     unit: f32,
     /// −1 where the real value falls as the stored one rises, else 1.
     slope: f32,
-    /// The shortest edge of a voxel [mm].
+    /// The shortest edge of a voxel (mm).
     voxel: f32,
 }
 
@@ -60,7 +60,7 @@ impl Light {
         std::array::from_fn(|r| m[r][0] * gradient[0] + m[r][1] * gradient[1] + m[r][2] * gradient[2])
     }
 
-    /// The shortest edge of a voxel [mm].
+    /// The shortest edge of a voxel (mm).
     pub(crate) fn voxel(&self) -> f32 {
         self.voxel
     }

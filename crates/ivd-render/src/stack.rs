@@ -255,7 +255,7 @@ pub(crate) fn shear_warp<T: Stored>(
 enum Sight {
     /// Parallel ones: their direction, a mm in voxel coordinates.
     Parallel(Vector3<f64>),
-    /// From the eye; with it how long a voxel coordinate's difference is [mm].
+    /// From the eye; with it how long a voxel coordinate's difference is (mm).
     Eye(Vector3<f64>, Matrix3<f64>),
 }
 

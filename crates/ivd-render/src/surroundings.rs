@@ -58,7 +58,7 @@ impl Surroundings {
 pub(crate) struct Around<'a> {
     camera: &'a Camera,
     asked: Surroundings,
-    /// How far rays reach [mm].
+    /// How far rays reach (mm).
     reach: f64,
     lamp: Vector3<f64>,
 }
@@ -77,7 +77,7 @@ impl<'a> Around<'a> {
         Self { camera, asked, reach, lamp }
     }
 
-    /// How long a voxel is along a direction [mm].
+    /// How long a voxel is along a direction (mm).
     fn voxel(&self, direction: Vector3<f64>) -> f64 {
         1.0 / self.camera.in_voxels(direction).norm()
     }

@@ -5,7 +5,7 @@ use crate::cell::{Corners, between, slopes, turned};
 use crate::cut::HalfSpace;
 use crate::samples::{Place, Shape};
 
-/// Room for the rounding of `f32` positions [voxels].
+/// Room for the rounding of `f32` positions (voxels).
 const PAD: f64 = 1e-2;
 
 /// A displacement made ready for sampling: where a place of the deformed volume was before, `ψ(y) = y + v(y)`, in voxel coordinates.
@@ -24,7 +24,7 @@ pub(crate) struct Warp<'a> {
 
 /// A half space that is shown, for samples by where they were before.
 struct RestCut {
-    /// Rise of the height with a voxel along each axis [mm], and that of voxel 0.
+    /// Rise of the height with a voxel along each axis (mm), and that of voxel 0.
     along: [f32; 3],
     offset: f32,
 }
@@ -90,7 +90,7 @@ impl<'a> Warp<'a> {
         self.cuts.iter().any(|cut| cut.height(before) < 0.0)
     }
 
-    /// Rise per voxel into what is shown, where a place was within `depth` [mm] of a cut: of the nearest.
+    /// Rise per voxel into what is shown, where a place was within `depth` (mm) of a cut: of the nearest.
     #[inline(always)]
     pub(crate) fn rise_behind_cut(&self, before: [f32; 3], depth: f32) -> Option<[f32; 3]> {
         let heights = self.cuts.iter().map(|cut| (cut.height(before), cut.along));
@@ -148,7 +148,7 @@ impl<'a> Warp<'a> {
         })
     }
 
-    /// The stored vectors [mm] at the corners of a cell.
+    /// The stored vectors (mm) at the corners of a cell.
     #[inline(always)]
     pub(crate) fn corners(&self, cell: [usize; 3]) -> Corners {
         let bricks = self.inverse.brick_dims();
@@ -222,7 +222,7 @@ impl<'a> Warp<'a> {
         Some(ranges)
     }
 
-    /// The least and the greatest displacement of samples of a brick, 0 among them [voxels].
+    /// The least and the greatest displacement of samples of a brick, 0 among them (voxels).
     fn shifts(&self, brick: usize) -> [Vector3<f64>; 2] {
         let (mut low, mut high) = (Vector3::zeros(), Vector3::zeros());
         for vectors in beside(self.inverse.brick_dims(), brick).filter_map(|b| self.inverse.brick(b)) {

@@ -137,7 +137,7 @@ struct Look<'a, T> {
     ids: &'a [u16],
     mix: &'a Mix<'a>,
     rank: &'a [u16],
-    /// Length of a voxel [mm].
+    /// Length of a voxel (mm).
     length: f64,
     /// Gradient that noise has [real units / mm].
     noise: f64,

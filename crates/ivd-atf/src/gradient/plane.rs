@@ -19,7 +19,7 @@ pub(crate) struct Arc {
     pub(crate) means: [f64; 2],
     /// Voxels of the boundary.
     pub(crate) voxels: f64,
-    /// Deviation of the blur [mm].
+    /// Deviation of the blur (mm).
     pub(crate) blur: f64,
 }
 

@@ -172,7 +172,7 @@ pub fn from_bricks(
     FieldBricks::new(dims, table, all.into())
 }
 
-/// The stored vector (mm) that takes `y` to `x` (both voxel coordinates), and the residual that it leaves [voxels].
+/// The stored vector (mm) that takes `y` to `x` (both voxel coordinates), and the residual that it leaves (voxels).
 pub(crate) fn store(sampler: &Sampler<'_>, grid: &Grid, y: Vector3<f64>, x: Vector3<f64>) -> ([f32; 3], f64) {
     let vector: [f32; 3] = (grid.linear_part() * (x - y)).map(|c| c as f32).into();
     let kept = y + grid.inverse_linear_part() * Vector3::from(vector).map(f64::from);

@@ -39,7 +39,7 @@ const GROWTH: f64 = 4.0;
 pub(crate) struct State {
     pub(crate) resident: Resident,
     rooms: Option<Rooms>,
-    /// Of each kind of picture, time of a pixel [s] in its slowest part when one was last made.
+    /// Of each kind of picture, time of a pixel (s) in its slowest part when one was last made.
     pace: HashMap<String, f64>,
 }
 

@@ -13,7 +13,7 @@ pub(crate) fn flip(v: [f64; 3]) -> [f64; 3] {
     Space::Lps.turn(v)
 }
 
-/// The grid whose voxel axes step by the columns `axes` [mm] from `origin` [mm], both LPS.
+/// The grid whose voxel axes step by the columns `axes` (mm) from `origin` (mm), both LPS.
 pub(crate) fn grid_from_lps(
     path: &Path,
     dims: [usize; 3],

@@ -125,7 +125,7 @@ impl<T: Ordered> Samples for Masked<'_, T> {
     }
 }
 
-/// A mask with a level function [voxels], positive inside. A level of 0 is the surface itself and contradicts neither
+/// A mask with a level function (voxels), positive inside. A level of 0 is the surface itself and contradicts neither
 /// side.
 pub(super) fn levelled<'a>(mask: &'a [u8], level: &'a [f32]) -> Masked<'a, f32> {
     let bounds = Bounds { first: 0.0, last: f32::MAX, low: 0.0, high: f64::INFINITY, joins_ties: false };

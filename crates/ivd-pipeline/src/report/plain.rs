@@ -31,7 +31,7 @@ pub(super) fn folds(count: u64) -> &'static str {
     }
 }
 
-/// The largest residual of the inverse [voxels].
+/// The largest residual of the inverse (voxels).
 pub(super) fn inverse_residual(voxels: f64) -> &'static str {
     if voxels <= 0.01 {
         "how far from where it began a way out and back ends. Good: below a hundredth of a voxel"

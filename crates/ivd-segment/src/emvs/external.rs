@@ -33,7 +33,7 @@ pub(super) fn field(
     climb(weights, &own, &neighbours, exec)
 }
 
-/// The likeliest field of voxels with the shares `own`, which their `neighbours` pull at; shape `[voxels][K]`, both.
+/// The likeliest field of voxels with the shares `own`, which their `neighbours` pull at; shape `(voxels)[K]`, both.
 fn climb(weights: &[f64], own: &[f64], neighbours: &[f64], exec: &Exec) -> Result<Vec<f64>, Error> {
     let k = weights.len();
     let mut shares = vec![0.0; k];

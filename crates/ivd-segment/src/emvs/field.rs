@@ -153,7 +153,7 @@ impl Field {
     }
 
     /// Shares of up to `most` red voxels from all over the volume, and their neighbours' shares times the couplings, summed:
-    /// shape `[voxels][K]`, both. All of them in their order, where there are no more.
+    /// shape `(voxels)[K]`, both. All of them in their order, where there are no more.
     pub(super) fn red_sample(&self, most: usize, couplings: [f64; 3]) -> (Vec<f64>, Vec<f64>) {
         let ([nx, ny, nz], k, half) = (self.dims, self.k, self.half);
         let (mut own, mut neighbours) = (Vec::new(), Vec::new());

@@ -87,13 +87,13 @@ pub(super) struct Slice {
     pub(super) description: String,
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// Centre of the first pixel [mm], LPS.
+    /// Centre of the first pixel (mm), LPS.
     pub(super) position: Option<[f64; 3]>,
     /// Directions of growing column index and of growing row index, LPS.
     pub(super) orientation: Option<[[f64; 3]; 2]>,
-    /// Distance of rows, distance of columns [mm].
+    /// Distance of rows, distance of columns (mm).
     pub(super) pixel_spacing: Option<[f64; 2]>,
-    /// Distance to the next slice, or thickness [mm]: for a single slice.
+    /// Distance to the next slice, or thickness (mm): for a single slice.
     pub(super) thickness: Option<f64>,
     pub(super) slope: f64,
     pub(super) intercept: f64,

@@ -12,7 +12,7 @@ use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
 use crate::volume::{Error, Written};
 
-/// Most that NIfTI-1's `f32` may move a voxel [mm] without a note.
+/// Most that NIfTI-1's `f32` may move a voxel (mm) without a note.
 const MOST_MOVED: f64 = 1e-3;
 
 /// Writes NIfTI-1, or NIfTI-2 where NIfTI-1's `i16` sizes are too small. Where NIfTI-1's `f32` would change values by half a stored
@@ -95,7 +95,7 @@ fn fits_1(grid: &Grid) -> bool {
     grid.dims().iter().all(|&n| i16::try_from(n).is_ok())
 }
 
-/// How far rounding the affine to `f32` moves a corner voxel at most [mm].
+/// How far rounding the affine to `f32` moves a corner voxel at most (mm).
 fn moved(grid: &Grid) -> f64 {
     let rows = srow(grid);
     let error = rows.map(|row| row.map(|v| f64::from(v as f32) - v));
@@ -109,7 +109,7 @@ fn moved(grid: &Grid) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Rows of the voxel-to-world affine [mm], RAS.
+/// Rows of the voxel-to-world affine (mm), RAS.
 fn srow(grid: &Grid) -> [[f64; 4]; 3] {
     let (m, o) = (grid.linear_part(), grid.origin());
     std::array::from_fn(|r| [m[(r, 0)], m[(r, 1)], m[(r, 2)], o[r]])
