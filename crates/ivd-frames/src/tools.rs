@@ -75,7 +75,7 @@ pub const KEYS: [(&str, &str); 14] = [
     ("right, or the wheel", "zoom; in slices the wheel goes through them"),
     (
         "Handle",
-        "left: take hold and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc gives up",
+        "left: take hold and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc cancels",
     ),
     ("Pin", "left: hold what is there"),
     (
@@ -84,10 +84,10 @@ pub const KEYS: [(&str, &str); 14] = [
     ),
     (
         "Measure",
-        "left: draw a line, in a slice or between two places of the volume: its length; from an end of another line: the angle there; Esc gives up. It edits nothing",
+        "left: draw a line, in a slice or between two places of the volume: its length; from an end of another line: the angle there; Esc cancels. It edits nothing",
     ),
     ("Brightness", "left: in slices brightness and contrast, in the volume its colours"),
-    ("T, H, P, I, M, B", "tools"),
+    ("T, H, P, I, M, B", "the tools Turn, Handle, Pin, Cut open, Measure, Brightness"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     (
         "O, W",

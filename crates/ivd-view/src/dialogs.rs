@@ -137,7 +137,7 @@ impl Window {
     pub(crate) fn export(&mut self, what: Saved, context: &Context) {
         let clips = self.shown.figures().map_or(0, |figures| figures.clips.len());
         if what == Saved::Volume && clips > 0 {
-            self.dialog = Some(Dialog::Export { without: true });
+            self.dialog = Some(Dialog::Export { without: false });
         } else {
             self.ask_for(Purpose::Keep(Keeps::Asked(what)), context);
         }
@@ -215,17 +215,18 @@ impl Dialog {
             }
             Self::Export { without } => {
                 ui.heading("Export deformed volume");
-                ui.checkbox(without, "without what planes and boxes take away");
-                let mut answer = Answer::None;
-                ui.horizontal(|ui| {
-                    if ui.button("Choose a place …").clicked() {
-                        answer = Answer::Do;
-                    }
-                    if ui.button("Cancel").clicked() {
-                        answer = Answer::Away;
-                    }
-                });
-                answer
+                let cut = ui.checkbox(without, "cut away what planes and boxes hide, as on the screen");
+                let buttons = ui.horizontal(|ui| [ui.button("Choose a place …"), ui.button("Cancel")]);
+                let [choose, cancel] = buttons.inner;
+                // What has the keys takes them itself.
+                let is_free = ![&cut, &choose, &cancel].iter().any(|part| part.has_focus());
+                if choose.clicked() || is_free && ui.input(|input| input.key_pressed(Key::Enter)) {
+                    Answer::Do
+                } else if cancel.clicked() {
+                    Answer::Away
+                } else {
+                    Answer::None
+                }
             }
             Self::Keep { what, path, replace } => {
                 ui.heading(format!("Save {}", what.word()));
@@ -236,7 +237,7 @@ impl Dialog {
             }
             Self::Unsaved(_) => {
                 ui.heading("What was done here is not saved");
-                ui.label("A scene keeps it: handles, pins, the cut, planes, bones, stiffness, level, map, colours.");
+                ui.label("A scene keeps handles, pins, the cut, planes, bones, stiffness, level, how voxels follow, and the colours of classes; it keeps no rulers.");
                 choice(ui, "Save the scene …", Some("Throw it away"))
             }
             Self::Recover { left, .. } => {

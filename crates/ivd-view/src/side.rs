@@ -121,7 +121,8 @@ impl Window {
         );
         if now == Some(MapName::Octree) && figures.min_det_j < SQUEEZED {
             let left = 100.0 * figures.min_det_j;
-            ui.weak(format!("Somewhere {left:.0} % of the volume may be left: smoothest squeezes less."));
+            let told = format!("Squeezed somewhere to {left:.0} % of its volume: smoothest squeezes less.");
+            ui.colored_label(ui.visuals().warn_fg_color, told);
         }
     }
 
