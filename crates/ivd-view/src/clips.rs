@@ -67,13 +67,18 @@ impl Window {
             Lies::Deformed => "stand still",
             Lies::Rest => "go with the body",
         };
-        ComboBox::from_label("Planes and boxes").selected_text(word(figures.clip_space)).show_ui(ui, |ui| {
-            for space in [Lies::Deformed, Lies::Rest] {
-                if ui.selectable_label(figures.clip_space == space, word(space)).clicked() {
-                    self.ask(Request::ClipIn { space });
+        let choice = ComboBox::from_label("Planes and boxes")
+            .selected_text(word(figures.clip_space))
+            .show_ui(ui, |ui| {
+                for space in [Lies::Deformed, Lies::Rest] {
+                    if ui.selectable_label(figures.clip_space == space, word(space)).clicked() {
+                        self.ask(Request::ClipIn { space });
+                    }
                 }
-            }
-        });
+            });
+        choice.response.on_hover_text(
+            "Whether planes and boxes stay where they are as the body moves under them, or move with it",
+        );
     }
 
     fn plane(&mut self, ui: &mut Ui, figures: &Figures, id: u32, plane: &HalfSpace) {

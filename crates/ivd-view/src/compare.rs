@@ -24,13 +24,16 @@ impl Window {
     /// What of both is shown, and where the line lies between them.
     pub(crate) fn compare(&mut self, ui: &mut Ui, figures: &Figures) {
         let Compared { shows, at } = self.pending.compared(figures.compare);
-        ComboBox::from_label("Body shown").selected_text(shows.word()).show_ui(ui, |ui| {
+        let choice = ComboBox::from_label("Body shown").selected_text(shows.word()).show_ui(ui, |ui| {
             for other in Shows::ALL {
                 if ui.selectable_label(shows == other, other.word()).clicked() {
                     self.ask(Request::Compare { shows: other, at });
                 }
             }
         });
+        choice
+            .response
+            .on_hover_text("The body at rest is the scan as it was read; as it is, what was done to it");
         if shows != Shows::Both {
             return;
         }

@@ -21,13 +21,14 @@ impl Window {
         };
         let now = SolverName::ALL.into_iter().find(|solver| is(*solver));
         let word = now.map_or(figures.solver, SolverName::word);
-        ComboBox::from_label("Follows by").selected_text(word).show_ui(ui, |ui| {
+        let choice = ComboBox::from_label("Follows by").selected_text(word).show_ui(ui, |ui| {
             for solver in SolverName::ALL {
                 if ui.selectable_label(is(solver), solver.word()).clicked() {
                     self.ask(Request::Solver { solver });
                 }
             }
         });
+        choice.response.on_hover_text("How the surface round a handle goes along. Rings: the handle goes as far as it is pulled, the rest less with its distance. Springs: all of it resists, each place as stiff as its class, and the handle may come less far than it is pulled");
         if !figures.knows_classes {
             return;
         }

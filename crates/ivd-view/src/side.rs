@@ -17,6 +17,8 @@ const STIFFEST: f64 = 1e5;
 
 /// Matter that may have less of its volume left is squeezed so that one sees it.
 const SQUEEZED: f64 = 0.2;
+/// What the lattice's level means.
+const LEVEL: &str = "How coarse the net of triangles is that is pulled: 0 is the finest and slowest, each further level has about a quarter of the vertices";
 
 impl Window {
     /// Shows the panel.
@@ -97,6 +99,7 @@ impl Window {
             slider(ui, "Level", "of the lattice", &mut level, 0.0..=f64::from(LEVELS), Scale::Whole)
         {
             let request = || Request::Level { level: level.round() as u8 };
+            let response = response.on_hover_text(LEVEL);
             self.turned(&response, ("Level", level), request);
         }
         self.follow(ui, figures);
@@ -109,16 +112,16 @@ impl Window {
     /// How the voxels follow.
     fn follow(&mut self, ui: &mut Ui, figures: &Figures) {
         let now = MapName::ALL.into_iter().find(|map| format!("{map:?}").eq_ignore_ascii_case(figures.map));
-        ComboBox::from_label("Voxels follow").selected_text(now.map_or(figures.map, MapName::word)).show_ui(
-            ui,
-            |ui| {
+        let choice = ComboBox::from_label("Voxels follow")
+            .selected_text(now.map_or(figures.map, MapName::word))
+            .show_ui(ui, |ui| {
                 for map in MapName::ALL {
                     if ui.selectable_label(now == Some(map), map.word()).clicked() {
                         self.ask(Request::Map { map });
                     }
                 }
-            },
-        );
+            });
+        choice.response.on_hover_text("What lies within goes as the nearest of the surface does, which is quick, or as smoothly as it can, which squeezes less and takes longer");
         if now == Some(MapName::Octree) && figures.min_det_j < SQUEEZED {
             let left = 100.0 * figures.min_det_j;
             let told = format!("Squeezed somewhere to {left:.0} % of its volume: smoothest squeezes less.");
@@ -147,7 +150,7 @@ impl Window {
             Some(Pane::Volume) => "facing me".to_owned(),
             Some(slice) => name(slice).to_lowercase(),
         };
-        ComboBox::from_label("Look inside").selected_text(word(figures.cut)).show_ui(ui, |ui| {
+        let choice = ComboBox::from_label("Look inside").selected_text(word(figures.cut)).show_ui(ui, |ui| {
             let slices = Pane::ALL.into_iter().filter(|pane| *pane != Pane::Volume).map(Some);
             for along in [None].into_iter().chain(slices).chain([Some(Pane::Volume)]) {
                 if ui.selectable_label(figures.cut == along, word(along)).clicked() {
@@ -155,18 +158,22 @@ impl Window {
                 }
             }
         });
+        choice.response.on_hover_text("Leaves out of the volume's picture what lies before that slice. It is for looking alone, and the slices move it");
     }
 
     /// What colours over the slices tell of.
     fn colours_over(&mut self, ui: &mut Ui, figures: &Figures) {
         let word = |of: Option<Overlay>| of.map_or("nothing", Overlay::word);
-        ComboBox::from_label("Colours over slices").selected_text(word(figures.overlay)).show_ui(ui, |ui| {
-            for of in [None].into_iter().chain(Overlay::ALL.map(Some)) {
-                if ui.selectable_label(figures.overlay == of, word(of)).clicked() {
-                    self.ask(Request::Overlay { of });
+        let choice = ComboBox::from_label("Colours over slices")
+            .selected_text(word(figures.overlay))
+            .show_ui(ui, |ui| {
+                for of in [None].into_iter().chain(Overlay::ALL.map(Some)) {
+                    if ui.selectable_label(figures.overlay == of, word(of)).clicked() {
+                        self.ask(Request::Overlay { of });
+                    }
                 }
-            }
-        });
+            });
+        choice.response.on_hover_text("How far voxels have moved, or how much they are squeezed or stretched, as colours over the slices");
     }
 
     /// The longest side of the scan (mm).
