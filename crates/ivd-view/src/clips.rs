@@ -1,14 +1,17 @@
 //! Planes and boxes that clip.
 
-use egui::{ComboBox, DragValue, Ui};
+use egui::{DragValue, Ui};
 use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Pane, Request};
 
 use crate::over::name;
-use crate::side::{Scale, slider};
+use crate::side::{Scale, list, slider};
 use crate::window::Window;
 
 /// By how much a field changes when the pointer is dragged over it by a point (mm).
 const SPEED: f64 = 0.25;
+/// Where planes and boxes lie.
+const STAY: &str =
+    "Whether planes and boxes stay where they are as the body moves under them, or move with it";
 /// What lies at both ends of the patient's axes.
 const SIDES: [[&str; 2]; 3] = [["left", "right"], ["back", "front"], ["lower part", "upper part"]];
 /// The same where a scan doesn't say how it lies in a patient.
@@ -67,18 +70,11 @@ impl Window {
             Lies::Deformed => "stand still",
             Lies::Rest => "go with the body",
         };
-        let choice = ComboBox::from_label("Planes and boxes")
-            .selected_text(word(figures.clip_space))
-            .show_ui(ui, |ui| {
-                for space in [Lies::Deformed, Lies::Rest] {
-                    if ui.selectable_label(figures.clip_space == space, word(space)).clicked() {
-                        self.ask(Request::ClipIn { space });
-                    }
-                }
-            });
-        choice.response.on_hover_text(
-            "Whether planes and boxes stay where they are as the body moves under them, or move with it",
-        );
+        let now = figures.clip_space;
+        let all = [Lies::Deformed, Lies::Rest].map(|space| (space, word(space)));
+        if let Some(space) = list(ui, ["Planes and boxes", STAY], (Some(now), word(now)), all) {
+            self.ask(Request::ClipIn { space });
+        }
     }
 
     fn plane(&mut self, ui: &mut Ui, figures: &Figures, id: u32, plane: &HalfSpace) {

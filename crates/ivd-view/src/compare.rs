@@ -1,10 +1,13 @@
 //! The body as it is beside the body at rest.
 
-use egui::{ComboBox, Pos2, Rect, Response, Slider, Ui};
+use egui::{Pos2, Rect, Response, Slider, Ui};
 use ivd_frames::{Compared, Figures, Request, Shows};
 
+use crate::side::list;
 use crate::window::Window;
 
+/// Which states there are.
+const STATES: &str = "The body at rest is the scan as it was read; as it is, what was done to it";
 /// The line that divides pictures is taken hold of from so far away (points).
 const NEAR: f32 = 5.0;
 
@@ -24,16 +27,10 @@ impl Window {
     /// What of both is shown, and where the line lies between them.
     pub(crate) fn compare(&mut self, ui: &mut Ui, figures: &Figures) {
         let Compared { shows, at } = self.pending.compared(figures.compare);
-        let choice = ComboBox::from_label("Body shown").selected_text(shows.word()).show_ui(ui, |ui| {
-            for other in Shows::ALL {
-                if ui.selectable_label(shows == other, other.word()).clicked() {
-                    self.ask(Request::Compare { shows: other, at });
-                }
-            }
-        });
-        choice
-            .response
-            .on_hover_text("The body at rest is the scan as it was read; as it is, what was done to it");
+        let all = Shows::ALL.map(|shows| (shows, shows.word()));
+        if let Some(shows) = list(ui, ["Body shown", STATES], (Some(shows), shows.word()), all) {
+            self.ask(Request::Compare { shows, at });
+        }
         if shows != Shows::Both {
             return;
         }

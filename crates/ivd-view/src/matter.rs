@@ -1,12 +1,15 @@
 //! By what the lattice follows, and how stiff classes are.
 
-use egui::{Color32, ComboBox, DragValue, Sense, Ui, vec2};
+use egui::{Color32, DragValue, Sense, Ui, vec2};
 use ivd_frames::{Figures, Matter, Request, SolverName};
 
+use crate::side::list;
 use crate::window::Window;
 
 /// By how much a field changes when the pointer is dragged over it by a point (N/m).
 const SPEED: f64 = 0.5;
+/// How what is pulled takes the rest along.
+const FOLLOWS: &str = "How the surface round a handle goes along. Rings: less with its distance, as far as the radius. Springs: all of it resists, each place as stiff as its class, so that less goes along; voxels stay behind where they would fold";
 /// What rings can't.
 const RINGS: &str = "Rings are as stiff everywhere. By springs a class can be stiffer than others.";
 /// What a class's stiffness counts for.
@@ -21,14 +24,10 @@ impl Window {
         };
         let now = SolverName::ALL.into_iter().find(|solver| is(*solver));
         let word = now.map_or(figures.solver, SolverName::word);
-        let choice = ComboBox::from_label("Follows by").selected_text(word).show_ui(ui, |ui| {
-            for solver in SolverName::ALL {
-                if ui.selectable_label(is(solver), solver.word()).clicked() {
-                    self.ask(Request::Solver { solver });
-                }
-            }
-        });
-        choice.response.on_hover_text("How the surface round a handle goes along. Rings: the handle goes as far as it is pulled, the rest less with its distance. Springs: all of it resists, each place as stiff as its class, and the handle may come less far than it is pulled");
+        let all = SolverName::ALL.map(|solver| (solver, solver.word()));
+        if let Some(solver) = list(ui, ["Follows by", FOLLOWS], (now, word), all) {
+            self.ask(Request::Solver { solver });
+        }
         if !figures.knows_classes {
             return;
         }

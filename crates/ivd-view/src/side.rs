@@ -1,6 +1,8 @@
 //! The panel beside the pictures: what moves and how, classes, what was noted.
 
-use egui::{CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui};
+use egui::{
+    CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui, WidgetText,
+};
 use ivd_frames::{Figures, MapName, Overlay, Pane, Request, WEIGHTS};
 
 use crate::over::name;
@@ -12,6 +14,13 @@ const LEVELS: u8 = 8;
 const STIFFNESS: &str = "Of springs. It shows where something is pulled with a force, or where matter differs: what is moved goes where the hand is, however stiff all of it is.";
 /// What fades.
 const FADES: &str = "How the motion fades from the surface inwards. Not at all: what is inside moves as the surface does, as far as the reach goes.";
+/// How voxels follow.
+const FOLLOW: &str = "What lies within goes as the nearest of the surface does, which is quick, or as smoothly as it can, which squeezes less and takes longer";
+/// What is looked into.
+const INSIDE: &str = "Leaves out of the volume's picture what lies before that slice. It is for looking alone, and the slices move it";
+/// What colours over slices tell of.
+const OVER: &str =
+    "How far voxels have moved, or how much they are squeezed or stretched, as colours over the slices";
 /// Stiffness that the slider ends at (N/m).
 const STIFFEST: f64 = 1e5;
 
@@ -112,16 +121,12 @@ impl Window {
     /// How the voxels follow.
     fn follow(&mut self, ui: &mut Ui, figures: &Figures) {
         let now = MapName::ALL.into_iter().find(|map| format!("{map:?}").eq_ignore_ascii_case(figures.map));
-        let choice = ComboBox::from_label("Voxels follow")
-            .selected_text(now.map_or(figures.map, MapName::word))
-            .show_ui(ui, |ui| {
-                for map in MapName::ALL {
-                    if ui.selectable_label(now == Some(map), map.word()).clicked() {
-                        self.ask(Request::Map { map });
-                    }
-                }
-            });
-        choice.response.on_hover_text("What lies within goes as the nearest of the surface does, which is quick, or as smoothly as it can, which squeezes less and takes longer");
+        let shown = (now, now.map_or(figures.map, MapName::word));
+        if let Some(map) =
+            list(ui, ["Voxels follow", FOLLOW], shown, MapName::ALL.map(|map| (map, map.word())))
+        {
+            self.ask(Request::Map { map });
+        }
         if now == Some(MapName::Octree) && figures.min_det_j < SQUEEZED {
             let left = 100.0 * figures.min_det_j;
             let told = format!("Squeezed somewhere to {left:.0} % of its volume: smoothest squeezes less.");
@@ -133,14 +138,9 @@ impl Window {
     fn fades(&mut self, ui: &mut Ui, figures: &Figures) {
         let Some(now) = figures.depth else { return };
         let word = WEIGHTS.iter().find(|(weight, _)| *weight == now).map_or("", |(_, word)| word);
-        let choice = ComboBox::from_label("Fades with depth").selected_text(word).show_ui(ui, |ui| {
-            for (weight, word) in WEIGHTS {
-                if ui.selectable_label(weight == now, word).clicked() {
-                    self.ask(Request::Depth { weight });
-                }
-            }
-        });
-        choice.response.on_hover_text(FADES);
+        if let Some(weight) = list(ui, ["Fades with depth", FADES], (Some(now), word), WEIGHTS) {
+            self.ask(Request::Depth { weight });
+        }
     }
 
     /// Where the volume's picture is open: nothing of the volume goes by it.
@@ -150,30 +150,22 @@ impl Window {
             Some(Pane::Volume) => "facing me".to_owned(),
             Some(slice) => name(slice).to_lowercase(),
         };
-        let choice = ComboBox::from_label("Look inside").selected_text(word(figures.cut)).show_ui(ui, |ui| {
-            let slices = Pane::ALL.into_iter().filter(|pane| *pane != Pane::Volume).map(Some);
-            for along in [None].into_iter().chain(slices).chain([Some(Pane::Volume)]) {
-                if ui.selectable_label(figures.cut == along, word(along)).clicked() {
-                    self.ask(Request::Cut { along });
-                }
-            }
-        });
-        choice.response.on_hover_text("Leaves out of the volume's picture what lies before that slice. It is for looking alone, and the slices move it");
+        let slices = Pane::ALL.into_iter().filter(|pane| *pane != Pane::Volume).map(Some);
+        let all = [None].into_iter().chain(slices).chain([Some(Pane::Volume)]);
+        let shown = (Some(figures.cut), word(figures.cut));
+        if let Some(along) = list(ui, ["Look inside", INSIDE], shown, all.map(|along| (along, word(along)))) {
+            self.ask(Request::Cut { along });
+        }
     }
 
     /// What colours over the slices tell of.
     fn colours_over(&mut self, ui: &mut Ui, figures: &Figures) {
         let word = |of: Option<Overlay>| of.map_or("nothing", Overlay::word);
-        let choice = ComboBox::from_label("Colours over slices")
-            .selected_text(word(figures.overlay))
-            .show_ui(ui, |ui| {
-                for of in [None].into_iter().chain(Overlay::ALL.map(Some)) {
-                    if ui.selectable_label(figures.overlay == of, word(of)).clicked() {
-                        self.ask(Request::Overlay { of });
-                    }
-                }
-            });
-        choice.response.on_hover_text("How far voxels have moved, or how much they are squeezed or stretched, as colours over the slices");
+        let all = [None].into_iter().chain(Overlay::ALL.map(Some));
+        let shown = (Some(figures.overlay), word(figures.overlay));
+        if let Some(of) = list(ui, ["Colours over slices", OVER], shown, all.map(|of| (of, word(of)))) {
+            self.ask(Request::Overlay { of });
+        }
     }
 
     /// The longest side of the scan (mm).
@@ -181,6 +173,26 @@ impl Window {
         let slices = self.shown.slices();
         slices.into_iter().flatten().flat_map(|slice| slice.extent_mm).fold(0.0, f64::max)
     }
+}
+
+/// A list of which one entry is chosen: its label and what it means, what is chosen now with its word, and all entries with theirs. What is chosen instead, if
+/// anything is.
+pub(crate) fn list<T: Copy + PartialEq, W: Into<WidgetText>>(
+    ui: &mut Ui,
+    [label, about]: [&str; 2],
+    (now, word): (Option<T>, W),
+    entries: impl IntoIterator<Item = (T, W)>,
+) -> Option<T> {
+    let mut chosen = None;
+    let list = ComboBox::from_label(label).selected_text(word).show_ui(ui, |ui| {
+        for (entry, word) in entries {
+            if ui.selectable_label(now == Some(entry), word.into()).clicked() {
+                chosen = Some(entry);
+            }
+        }
+    });
+    list.response.on_hover_text(about);
+    chosen
 }
 
 /// How a slider goes from one end to the other.
