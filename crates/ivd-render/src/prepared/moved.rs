@@ -21,6 +21,7 @@ const WHOLE: f32 = 0.15;
 const SHADED: f32 = 0.4;
 /// Motions are told from this length on (mm).
 const LEAST: f64 = 1e-3;
+
 /// A picture of how far what is seen has come out of its surface or gone into it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moved {
