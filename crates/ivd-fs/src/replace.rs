@@ -45,7 +45,8 @@ pub fn replace<E>(
     if old.as_ref().is_some_and(|old| !old.is_file()) {
         return Err(failed("replace", io::Error::other("it is no regular file")));
     }
-    let mut fresh = beside(folder, old.is_some()).map_err(|e| failed("create a file beside", e))?;
+    let mut fresh =
+        beside(folder, old.is_some()).map_err(|e| failed("create a file beside", named(folder, e)))?;
     let mut sink = BufWriter::with_capacity(PIECE, fresh.as_file_mut());
     content(&mut sink)?;
     sink.flush().map_err(|e| failed("write", e))?;
@@ -90,6 +91,14 @@ fn locked(lock: impl Fn() -> io::Result<()>) -> io::Result<bool> {
             Err(e) => return Err(e),
         }
     }
+}
+
+/// What the system says, with the folder's name where that is what is missing.
+fn named(folder: &Path, error: io::Error) -> io::Error {
+    if error.kind() == io::ErrorKind::NotFound && !folder.exists() {
+        return io::Error::new(error.kind(), format!("there is no folder {}", folder.display()));
+    }
+    error
 }
 
 /// A new file in a folder. `private`: for its user alone, until it gets the mode of the file that it replaces.

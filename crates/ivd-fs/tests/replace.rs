@@ -71,7 +71,9 @@ fn a_failure_leaves_the_old_file_and_no_litter_and_names_what_was_tried() {
     assert_eq!(replace(&path, |_, _| "the system", failing), Err("enough"));
     assert_eq!(fs::read(&path).unwrap(), b"old");
     let tried = |path: &Path| replace(path, |what, _| what, |_| Ok(())).unwrap_err();
-    assert_eq!(tried(&folder.path().join("missing/a.bin")), "create a file beside");
+    let missing = folder.path().join("missing");
+    let said = replace(&missing.join("a.bin"), |what, e| format!("{what}: {e}"), |_| Ok(())).unwrap_err();
+    assert_eq!(said, format!("create a file beside: there is no folder {}", missing.display()));
     fs::create_dir(folder.path().join("folder")).unwrap();
     assert_eq!(tried(&folder.path().join("folder")), "replace");
     assert_eq!(names(folder.path()), ["a.bin", "folder"]);

@@ -252,6 +252,8 @@ pub struct MapUpdate {
     pub halvings: u32,
     /// How far the vertices that move most are left behind: see [`SurfaceFit::misfit`].
     pub misfit: f64,
+    /// How far any vertex is left behind: see [`SurfaceFit::misfit_max_mm`].
+    pub left_mm: f64,
 }
 
 impl From<MapResult> for (Displacement, MapFigures) {
@@ -264,7 +266,8 @@ impl From<MapResult> for MapUpdate {
     fn from(mapped: MapResult) -> Self {
         let MapResult { displacement, figures } = mapped;
         let MapFigures { relaxations, halvings, followed, .. } = figures;
-        Self { displacement, relaxations, halvings, misfit: followed.misfit }
+        let SurfaceFit { misfit, misfit_max_mm: left_mm, .. } = followed;
+        Self { displacement, relaxations, halvings, misfit, left_mm }
     }
 }
 
@@ -377,23 +380,36 @@ impl SurfaceFit {
         fit
     }
 
-    /// - `most`: largest motion of a vertex (mm); `edge`: of a cube of a voxel's volume (mm).
+    /// Refuses a map that leaves the lattice behind.
+    ///
+    /// - `tolerance`: of the root mean square; `most`: how far all but a thousandth may be left (mm); `edge`: of a cube of a voxel's volume (mm).
     pub(super) fn check(&self, tolerance: f64, most: f64, edge: f64) -> Result<(), Error> {
-        check_misfit(self.misfit, tolerance, || self.clone())?;
+        const REMEDY: &str = "move the handle less, give it a larger radius, or raise the tolerance";
+        let (far, at) = (self.misfit_max_mm, self.misfit_max_at_mm.unwrap_or_default());
+        if self.misfit > tolerance {
+            return Err(Error::Untrusted {
+                what: "the map",
+                problem: format!(
+                    "kept free of folds it leaves the lattice behind by {:.0} % of its motion ({far:.3} mm at most, at {at:.1?} mm), more \
+                     than the tolerance of {:.0} %",
+                    100.0 * self.misfit,
+                    100.0 * tolerance
+                ),
+                remedy: REMEDY,
+            });
+        }
         let left = self.misfit_p999_voxel * edge;
-        if left <= (tolerance * most).max(edge) {
+        if left <= most {
             return Ok(());
         }
         Err(Error::Untrusted {
             what: "the map",
             problem: format!(
-                "kept free of folds it leaves a thousandth of the lattice behind by more than {left:.3} mm ({:.3} mm at most, at \
-                 {:.1?} mm), more than the tolerance of {:.0} % of the largest motion",
-                self.misfit_max_mm,
-                self.misfit_max_at_mm.unwrap_or_default(),
+                "kept free of folds it leaves a thousandth of the lattice behind by more than {left:.3} mm ({far:.3} mm at most, at \
+                 {at:.1?} mm), more than the tolerance of {:.0} % of the largest motion",
                 100.0 * tolerance
             ),
-            remedy: "move the handle less, give it a larger radius, or raise the tolerance",
+            remedy: REMEDY,
         })
     }
 }
@@ -441,30 +457,6 @@ fn conflicts(vertices: &[usize], places: &[Vector3<f64>], motions: &[[f64; 3]], 
     vertices.par_iter().map(|&v| of(v)).collect()
 }
 
-/// Refuses a map that leaves the lattice behind; `fit`: how it follows.
-pub(super) fn check_misfit(
-    misfit: f64,
-    tolerance: f64,
-    fit: impl FnOnce() -> SurfaceFit,
-) -> Result<(), Error> {
-    if misfit <= tolerance {
-        return Ok(());
-    }
-    let fit = fit();
-    Err(Error::Untrusted {
-        what: "the map",
-        problem: format!(
-            "kept free of folds it leaves the lattice behind by {:.0} % of its motion ({:.3} mm at most, at {:.1?} mm), more \
-             than the tolerance of {:.0} %",
-            100.0 * misfit,
-            fit.misfit_max_mm,
-            fit.misfit_max_at_mm.unwrap_or_default(),
-            100.0 * tolerance
-        ),
-        remedy: "move the handle less, give it a larger radius, or raise the tolerance",
-    })
-}
-
 /// [`SurfaceFit::misfit`] alone, from the vertices that it is about.
 pub(super) fn misfit(lattice: &Lattice, motion: &Motion, field: &FieldBricks, frame: &Frame) -> f64 {
     let sampler = Sampler::new(field, lattice.grid());
@@ -487,6 +479,24 @@ pub(super) fn misfit(lattice: &Lattice, motion: &Motion, field: &FieldBricks, fr
         asked += a;
     }
     if asked > 0.0 { f64::sqrt(missed / asked) } else { 0.0 }
+}
+
+/// [`SurfaceFit::misfit_max_mm`] alone.
+pub(super) fn most_left(
+    lattice: &Lattice,
+    motion: &Motion,
+    field: &FieldBricks,
+    frame: &Frame,
+    region: &Region,
+) -> f64 {
+    let sampler = Sampler::new(field, lattice.grid());
+    let linear = lattice.grid().linear_part();
+    let left = |(v, want): (usize, &[f64; 3])| {
+        let at = lattice.voxel(v).0;
+        let counts = motion.role(v).constrains() && (*want != [0.0; 3] || region.holds(linear * at));
+        if counts { (linear * sampler.at(at) - Vector3::from(*want)).norm() } else { 0.0 }
+    };
+    frame.displacement.par_iter().enumerate().map(left).reduce(|| 0.0, f64::max)
 }
 
 /// Volume enclosed by a closed mesh (mm³): a sixth of the triangles' determinants, summed in the order of triangles.

@@ -33,8 +33,7 @@ impl Settle<'_> {
     pub(super) fn settle(&self, field: FieldBricks, exec: &Exec) -> Result<MapResult, Error> {
         let proven = self.prove(field, Detail::All, exec)?;
         let followed = self.fit(&proven.field);
-        let edge = self.lattice.grid().voxel_volume().cbrt();
-        followed.check(self.band.tolerance, largest(self.frame), edge)?;
+        self.check(&followed)?;
         let (rounds, halvings, certificate) = (proven.rounds, proven.halvings, proven.certificate.clone());
         let displacement = self.invert(proven, exec)?;
         Ok(MapResult::new(displacement, certificate, rounds, halvings, followed))
@@ -44,10 +43,29 @@ impl Settle<'_> {
     pub(super) fn moved(&self, field: FieldBricks, exec: &Exec) -> Result<MapUpdate, Error> {
         let proven = self.prove(field, if exec.skip { Detail::Least } else { Detail::All }, exec)?;
         let misfit = outcome::misfit(self.lattice, self.motion, &proven.field, self.frame);
-        outcome::check_misfit(misfit, self.band.tolerance, || self.fit(&proven.field))?;
+        let left_mm = outcome::most_left(self.lattice, self.motion, &proven.field, self.frame, self.region);
+        // The whole fit is measured only where it may refuse.
+        if !exec.skip || misfit > self.band.tolerance || left_mm > self.may_be_left() {
+            self.check(&self.fit(&proven.field))?;
+        }
         let (relaxations, halvings) = (proven.rounds, proven.halvings);
         let displacement = self.invert(proven, exec)?;
-        Ok(MapUpdate { displacement, relaxations, halvings, misfit })
+        Ok(MapUpdate { displacement, relaxations, halvings, misfit, left_mm })
+    }
+
+    /// Refuses a field that leaves the lattice behind.
+    fn check(&self, fit: &SurfaceFit) -> Result<(), Error> {
+        Ok(fit.check(self.band.tolerance, self.may_be_left(), self.edge())?)
+    }
+
+    /// Edge of a cube of a voxel's volume (mm).
+    fn edge(&self) -> f64 {
+        self.lattice.grid().voxel_volume().cbrt()
+    }
+
+    /// How far all but a thousandth of the vertices may be left behind (mm): a voxel at least.
+    fn may_be_left(&self) -> f64 {
+        (self.band.tolerance * largest(self.frame)).max(self.edge())
     }
 
     /// How well a field follows the lattice.

@@ -206,5 +206,5 @@ fn no_labels(event: &'static str) -> Error {
 /// A displacement of nothing.
 pub(crate) fn still(lattice: &Lattice) -> MapUpdate {
     let displacement = Displacement::identity(lattice.grid().clone());
-    MapUpdate { displacement, relaxations: 0, halvings: 0, misfit: 0.0 }
+    MapUpdate { displacement, relaxations: 0, halvings: 0, misfit: 0.0, left_mm: 0.0 }
 }

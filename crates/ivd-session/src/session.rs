@@ -28,6 +28,8 @@ pub struct Update {
     pub min_det_j: f64,
     /// How far the vertices that move most are left behind, relative to their motion.
     pub misfit: f64,
+    /// How far any vertex is left behind by the voxels about it (mm).
+    pub left_mm: f64,
     /// Rounds of local relaxation that the map needed.
     pub relaxations: u32,
     /// Largest motion of a voxel (mm).
@@ -407,6 +409,7 @@ impl Session {
             voxels: made.voxels,
             min_det_j: shown.min_det_j(),
             misfit: map.misfit,
+            left_mm: map.left_mm,
             relaxations: map.relaxations,
             largest_mm: largest(shown),
             times: Times {

@@ -94,7 +94,7 @@ pub(crate) fn at_once(settings: &Settings, exec: &Exec) -> (Option<Displacement>
     if !shapes.is_empty() {
         motion = Some(freeform::lattice(&lattice, motion.as_ref(), &shapes, exec).unwrap().motion);
     }
-    let mut displacement = motion.map(|motion| mapped(&lattice, &motion, &settings.map, exec));
+    let mut displacement = motion.map(|motion| mapped(&lattice, &motion, &settings.map, exec).unwrap());
     let steps: Vec<Step> = settings.space.iter().map(|step| step.what.clone()).collect();
     if !steps.is_empty() {
         let start = Start { after: displacement.as_ref(), labels: Some(&labels) };
@@ -112,7 +112,13 @@ pub(crate) fn at_once(settings: &Settings, exec: &Exec) -> (Option<Displacement>
     (displacement, shown)
 }
 
-fn mapped(lattice: &Lattice, motion: &ivd_core::Motion, map: &MapChoice, exec: &Exec) -> Displacement {
+/// What a map makes of a motion's last frame, as the stage does.
+pub(crate) fn mapped(
+    lattice: &Lattice,
+    motion: &ivd_core::Motion,
+    map: &MapChoice,
+    exec: &Exec,
+) -> Result<Displacement, ivd_map::Error> {
     let last = motion.frames().len() - 1;
     let mapped = match map {
         MapChoice::Octree(params) => {
@@ -122,7 +128,7 @@ fn mapped(lattice: &Lattice, motion: &ivd_core::Motion, map: &MapChoice, exec: &
         MapChoice::Biharmonic(params) => ivd_map::biharmonic(lattice, motion, last, params, exec),
         MapChoice::Fem(params) => ivd_map::fem(lattice, None, motion, last, params, exec),
     };
-    mapped.unwrap().displacement
+    mapped.map(|mapped| mapped.displacement)
 }
 
 pub(crate) fn choice(method: &str, outside: Outside) -> MapChoice {

@@ -175,6 +175,7 @@ impl Default for Setup {
                 springs: mass_spring::Springs {
                     duration: 0.01,
                     dt: Some(0.01 / 4.0),
+                    grip: Some(0.0),
                     ..mass_spring::Springs::default()
                 },
                 closeness: mass_spring::Closeness { max_iterations: 20, ..mass_spring::Closeness::default() },

@@ -196,7 +196,7 @@ fn springs(random: &mut Seeded, stiffness: f64) -> mass_spring::Params {
     let wide = |random: &mut Seeded, usual: f64, from: f64, to: f64| {
         if random.one_in(6) { random.spread(from, to) } else { usual }
     };
-    mass_spring::Params {
+    let mut params = mass_spring::Params {
         springs: mass_spring::Springs {
             stiffness,
             shear: random.pick(&[0.5, 0.5, 0.0, 2.0]),
@@ -218,7 +218,9 @@ fn springs(random: &mut Seeded, stiffness: f64) -> mass_spring::Params {
             ..mass_spring::Descent::default()
         },
         ..mass_spring::Params::default()
-    }
+    };
+    params.springs.grip = random.pick(&[Some(0.0), None]);
+    params
 }
 
 /// Up to two free forms that are mostly moderate.

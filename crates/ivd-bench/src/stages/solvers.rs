@@ -150,7 +150,7 @@ fn params(task: Task, solver: Solver, history: usize, max_iterations: usize, gri
     Params {
         solver,
         springs: Springs {
-            grip,
+            grip: Some(grip),
             duration: step,
             dt: Some(step),
             ramp: Some(0.0),

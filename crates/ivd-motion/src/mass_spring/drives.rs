@@ -1,5 +1,6 @@
 //! What handles do to the vertices of a body.
 
+use ivd_core::sets;
 use nalgebra::Vector3;
 
 use super::body::Body;
@@ -10,6 +11,9 @@ use crate::rigid::{Rig, Skeleton};
 
 /// Force of 1 mN (µN).
 pub(super) const MILLINEWTON: f64 = 1e3;
+
+/// Part of its radius that a handle grips, unless it is told.
+const GRIP: f64 = 0.2;
 
 /// Prescribed motions and forces.
 #[derive(Debug, Clone)]
@@ -70,18 +74,6 @@ impl Drives {
             at => Ok(at),
         });
         let own: Vec<Option<usize>> = own.collect::<Result<_, Error>>()?;
-        let at = |v: usize| Vector3::from(body.rest[v]);
-        // The vertices that a handle grips, with how firmly.
-        let gripped = |target: usize| -> Vec<(usize, f64)> {
-            let hold = |v: usize| {
-                let t = if v == target { 0.0 } else { (at(v) - at(target)).norm() / params.springs.grip };
-                (v, if t < 1.0 { (1.0 - t * t).powi(2) } else { 0.0 })
-            };
-            if params.springs.grip == 0.0 {
-                return vec![(target, 1.0)];
-            }
-            (0..body.loose).map(hold).filter(|(_, hold)| *hold > 0.0).collect()
-        };
         let mut mover: Vec<Option<(f64, usize)>> = vec![None; body.loose];
         let mut force = vec![[0.0; 3]; body.loose];
         for (h, (handle, target)) in handles.iter().zip(&own).enumerate() {
@@ -90,7 +82,7 @@ impl Drives {
             if own[..h].contains(&Some(target)) {
                 continue;
             }
-            let grip = gripped(target);
+            let grip = gripped(body, target, params.springs.grip.unwrap_or(GRIP * handle.radius));
             match handle.action {
                 Action::Move(_) => {
                     for (v, hold) in grip {
@@ -147,4 +139,29 @@ impl Drives {
             displacement[v][..3].copy_from_slice(&by);
         }
     }
+}
+
+/// The vertices that a handle grips, ascending, with how firmly: those within a radius (mm) of its own that springs join to it there, so that
+/// a lip isn't gripped with the other.
+fn gripped(body: &Body, target: usize, radius: f64) -> Vec<(usize, f64)> {
+    if radius == 0.0 {
+        return vec![(target, 1.0)];
+    }
+    let middle = Vector3::from(body.rest[target]);
+    let hold = |v: usize| {
+        let t = if v == target { 0.0 } else { (Vector3::from(body.rest[v]) - middle).norm() / radius };
+        (v, if t < 1.0 { (1.0 - t * t).powi(2) } else { 0.0 })
+    };
+    let near: Vec<(usize, f64)> = (0..body.loose).map(hold).filter(|(_, hold)| *hold > 0.0).collect();
+    let place = |v: u32| near.binary_search_by_key(&(v as usize), |(v, _)| *v).ok();
+    let mut joined = sets::singles(near.len());
+    for spring in &body.list {
+        if let [Some(a), Some(b)] = spring.ends.map(place) {
+            sets::join(&mut joined, a as u32, b as u32);
+        }
+    }
+    let own = place(target as u32).expect("it is nearest to itself");
+    let own = sets::root(&mut joined, own as u32);
+    let with_it = |(i, _): &(usize, &(usize, f64))| sets::root(&mut joined, *i as u32) == own;
+    near.iter().enumerate().filter(with_it).map(|(_, gripped)| *gripped).collect()
 }

@@ -100,9 +100,10 @@ pub struct Springs {
     /// Viscous drag: a vertex loses this fraction of its velocity a second.
     #[schemars(range(min = 0.0, max = 1e9), extend("x-unit" = "1/s"))]
     pub drag: f64,
-    /// Radius round a handle's vertex of the vertices that it grips; 0 is that vertex alone.
+    /// Radius round a handle's vertex of the vertices joined to it that it grips, which go as one. Without it a fifth of the handle's radius;
+    /// 0 is that vertex alone, which is drawn out of a fine sheet as a needle that voxels can't follow.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
-    pub grip: f64,
+    pub grip: Option<f64>,
     /// Time of the motion.
     #[schemars(range(min = 1e-9, max = 1e6), extend("x-unit" = "s"))]
     pub duration: f64,
@@ -134,7 +135,7 @@ impl Default for Springs {
             vertex_mass: None,
             material: BTreeMap::new(),
             drag: 100.0,
-            grip: 0.0,
+            grip: None,
             duration: 0.2,
             dt: None,
             ramp: None,
@@ -199,7 +200,7 @@ pub struct Params {
 impl Springs {
     /// What the schema of a single field can't say.
     pub(crate) fn check_together(&self) -> Result<(), ParamError> {
-        ivd_field::param::is_near("grip", self.grip)?;
+        ivd_field::param::is_near("grip", self.grip.unwrap_or_default())?;
         for (class, own) in &self.material {
             if own.stiffness.is_some() && own.youngs_kpa.is_some() {
                 let remedy = "give stiffness or youngs_kpa, one of them";

@@ -200,7 +200,7 @@ fn balanced(
     }
     // One frame, one residual.
     let named = asked.handles.iter().all(|h| vertex(&h.at).is_some());
-    if params.springs.frames == 1 && params.springs.grip == 0.0 && named && whole {
+    if params.springs.frames == 1 && params.springs.grip == Some(0.0) && named && whole {
         let (unbalanced, put_in) = plain.relative(asked, found);
         let rounding = 64.0 * EPS * plain.rounding_mn;
         let most = found.residual * put_in * (1.0 + 1e-6) + rounding;

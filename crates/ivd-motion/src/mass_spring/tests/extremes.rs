@@ -129,7 +129,7 @@ fn handles_on_one_vertex_agree_or_are_refused() {
 #[test]
 fn a_grip_moves_a_patch_and_shares_a_force() {
     for params in solvers() {
-        let params = Params { springs: Springs { grip: 1.2, ..params.springs }, ..params };
+        let params = Params { springs: Springs { grip: Some(1.2), ..params.springs }, ..params };
         let solved = run(&sheet(11), &[moved(60, [0.1, 0.2, 0.6], 4.5)], &[], &params).unwrap();
         for v in [60, 59, 61, 49, 71] {
             assert_eq!(last(&solved)[v], [0.1, 0.2, 0.6]);
@@ -137,6 +137,21 @@ fn a_grip_moves_a_patch_and_shares_a_force() {
         let pull = run(&sheet(11), &[pulled(60, [0.0, 0.0, 0.5], 4.5)], &[], &params).unwrap();
         let [_, _, z] = pull.handle_forces_mn[0];
         assert!((z - 0.5).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_handle_grips_a_fifth_of_its_radius_of_what_is_joined_to_it_there() {
+    for params in solvers() {
+        let by = [0.05, 0.0, 0.1];
+        let goes = |radius: f64, grip| {
+            let params = Params { springs: Springs { grip, ..params.springs.clone() }, ..params.clone() };
+            let solved = run(&sheet(25), &[moved(312, by, radius)], &[], &params).unwrap();
+            last(&solved).iter().filter(|u| **u == by).count()
+        };
+        // Of a sheet whose squares are 1 mm wide: the vertices within 2 mm and their own.
+        assert_eq!([goes(10.0, None), goes(10.0, Some(0.0)), goes(4.9, None)], [9, 1, 1]);
+        assert_eq!(goes(10.0, Some(2.0)), 9);
     }
 }
 

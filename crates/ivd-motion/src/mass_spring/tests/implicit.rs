@@ -88,6 +88,40 @@ fn dissection_fills_the_factor_with_little_more_than_n_log_n() {
 }
 
 #[test]
+fn the_other_lip_is_not_gripped() {
+    // A sheet folded into two, 1 mm apart.
+    let (side, layer) = (9, 81);
+    let grid = Grid::with_spacing([side, side, 3], [1.0; 3]).unwrap();
+    let key = |i: usize| {
+        let at = [i % side + 1, i / side % side + 1, i / layer + 1];
+        ElementKey::new([side, side, 3], at, 2)
+    };
+    let mut triangles = Vec::new();
+    for y in 0..side - 1 {
+        let at = |x: usize, y: usize, z: usize| (x + side * y + layer * z) as u32;
+        for (x, z) in (0..side - 1).flat_map(|x| [(x, 0), (x, 1)]) {
+            let [a, b, c, d] = [at(x, y, z), at(x + 1, y, z), at(x + 1, y + 1, z), at(x, y + 1, z)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        let [a, b, c, d] = [at(0, y, 0), at(0, y + 1, 0), at(0, y + 1, 1), at(0, y, 1)];
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    let (keys, places) = ((0..2 * layer).map(key).collect(), vec![[0.0, 0.0, 0.5]; 2 * layer]);
+    let lips = Lattice::new(grid, keys, places.into(), triangles.into()).unwrap();
+    let lips = lips.with_source(LatticeSource::Mask);
+    let handle = [moved(40, [0.0, 0.0, -0.2], 6.0)];
+    let body = body(&lips, &handle, &[], &statics());
+    assert!(body.loose_vertex(40 + layer).is_some(), "the fold joins them within the radius");
+    let gripped = |grip| {
+        let params = Params { springs: Springs { grip, ..statics().springs }, ..statics() };
+        let moved = drives(&body, &handle, &params).moved;
+        moved.iter().map(|(v, ..)| body.vertices[*v]).collect::<Vec<_>>()
+    };
+    assert_eq!(gripped(None), [31, 39, 40, 41, 49], "1.2 mm, in which the other lip is");
+    assert!(gripped(Some(4.5)).contains(&(40 + layer as u32)), "the fold lies in this grip");
+}
+
+#[test]
 fn handles_are_taken_out_of_the_matrix_as_if_it_had_been_made_without_them() {
     let lattice = sheet(9);
     for (handles, fixed, grip) in [
@@ -97,7 +131,7 @@ fn handles_are_taken_out_of_the_matrix_as_if_it_had_been_made_without_them() {
         // So many that they are pinned instead.
         (vec![moved(40, [0.1, -0.2, 0.3], 4.1)], vec![], 2.95),
     ] {
-        let params = Params { springs: Springs { grip, ..statics().springs }, ..statics() };
+        let params = Params { springs: Springs { grip: Some(grip), ..statics().springs }, ..statics() };
         let body = body(&lattice, &handles, &fixed, &params);
         let drives = drives(&body, &handles, &params);
         let mut metric = Metric::new(&body, &[]);
