@@ -12,7 +12,7 @@ pub enum Shows {
     /// As it is now.
     #[default]
     Now,
-    /// At rest: the scan as it was read, without cuts and without what planes and boxes take away.
+    /// At rest: the scan as it was read, whole where it was cut open; planes and boxes take away what they do of the body as it is.
     Rest,
     /// At rest to the left of a line, as it is now to its right.
     Both,
@@ -25,9 +25,9 @@ impl Shows {
     /// How it is called in a window.
     pub fn word(self) -> &'static str {
         match self {
-            Self::Now => "as it is",
+            Self::Now => "deformed",
             Self::Rest => "at rest",
-            Self::Both => "at rest | as it is",
+            Self::Both => "at rest | deformed",
         }
     }
 }

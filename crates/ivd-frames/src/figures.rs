@@ -29,6 +29,12 @@ pub struct Spot {
     pub at: [Option<[f64; 2]>; 4],
     /// How many slices it lies before or behind each slice.
     pub off: [f64; 3],
+    /// How far the voxels about it have gone (mm): less than the vertex where more would fold.
+    pub gone: [f64; 3],
+    /// Whether each pane shows it: a slice that it reaches, the volume from its side.
+    pub seen: [bool; 4],
+    /// Out of the surface there, of length 1; 0 where it has no side.
+    pub outward: [f64; 3],
 }
 
 /// What lies under the pointer.
@@ -42,6 +48,8 @@ pub struct Hovered {
     pub rest: [f64; 3],
     /// Its value.
     pub value: Option<f64>,
+    /// Its class, where classes are known.
+    pub class: Option<u16>,
     /// The handle that would be taken hold of.
     pub handle: Option<u32>,
     /// The vertex that a new handle would take, at rest; `None` where the lattice is too far.
@@ -62,6 +70,7 @@ impl Hovered {
             place,
             rest: place,
             value: value_at(volume, place),
+            class: None,
             handle: None,
             vertex: None,
             vertex_at: [None; 4],
@@ -198,6 +207,10 @@ pub struct Matter {
 pub struct Class {
     /// Its number.
     pub id: u16,
+    /// Its name, where it has one.
+    pub name: Option<String>,
+    /// How much of it there is (ml), where that is known.
+    pub ml: Option<f64>,
     /// Values that it is seen at.
     pub values: [f64; 2],
     /// Whether it isn't drawn.
@@ -295,6 +308,8 @@ pub struct Figures {
     pub min_det_j: f64,
     /// How far the vertices that move most are left behind, relative to their motion.
     pub behind: f64,
+    /// How far any vertex is left behind by the voxels about it (mm).
+    pub left_mm: f64,
     /// What the last event took: lattice, displacement, values (s).
     pub times: [f64; 3],
     /// What the last pictures took (s).

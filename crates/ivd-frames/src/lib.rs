@@ -45,7 +45,7 @@ pub use log::Log;
 pub use made::Made;
 pub use model::Model;
 pub use opening::{Begun, Line, Tell};
-pub use overlay::Overlay;
+pub use overlay::{Overlay, Scale};
 pub use preview::{Scan, VolumeAtRest};
 pub use request::{Axis, MapName, Pane, Request, Saved, SolverName};
 pub use save::File;

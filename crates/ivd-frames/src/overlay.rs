@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 const MOST_TIMES: f64 = 2.0;
 /// How much of a pixel is its colour at most.
 const OPAQUE: f64 = 0.7;
+/// How much of a pixel is the colour of its class.
+const CLASS: f64 = 0.4;
 /// From this share of the scale on a colour is whole; before that it fades in: of a motion, and of a change, whose first colours are next to white.
 const WHOLE: [f64; 2] = [0.15, 0.6];
 /// What is darker than this grey fades out: of air nobody asks where it has gone.
@@ -24,66 +26,72 @@ pub enum Overlay {
     Motion,
     /// By how many times its volume has grown.
     Volume,
+    /// Of which class it is, in the colours that classes have in the volume.
+    Classes,
 }
 
 impl Overlay {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Motion, Self::Volume];
+    pub const ALL: [Self; 3] = [Self::Motion, Self::Volume, Self::Classes];
 
     /// How it is called in a window.
     pub fn word(self) -> &'static str {
         match self {
             Self::Motion => "motion",
             Self::Volume => "change of volume",
+            Self::Classes => "classes",
         }
     }
 
-    /// Values at both ends of the scale: mm, the longest motion rounded up; or times.
+    /// Its scale; none of classes, which have colours of their own.
     ///
     /// - `largest_mm`: the longest motion.
-    pub fn scale(self, largest_mm: f64) -> [f64; 2] {
+    pub fn scale(self, largest_mm: f64) -> Option<Scale> {
         match self {
-            Self::Motion => [0.0, rounded_up(largest_mm.max(0.01))],
-            Self::Volume => [1.0 / MOST_TIMES, MOST_TIMES],
+            Self::Motion => {
+                let ends = [0.0, rounded_up(largest_mm.max(0.01))];
+                Some(Scale { ends, unit: "mm", stops: &MOTION })
+            }
+            // Squeezed is blue and stretched is red.
+            Self::Volume => {
+                let ends = [1.0 / MOST_TIMES, MOST_TIMES];
+                Some(Scale { ends, unit: "times the volume", stops: &BLUE_TO_RED })
+            }
+            Self::Classes => None,
         }
-    }
-
-    /// The colour at a share of the scale, 0 … 1; beyond its ends that of the end.
-    pub fn colour(self, share: f64) -> [u8; 3] {
-        // Squeezed is blue and stretched is red.
-        let stops = match self {
-            Self::Motion => MOTION,
-            Self::Volume => BLUE_TO_RED,
-        };
-        colour_at(&stops, share)
     }
 
     /// A pixel of a slice with its colour over it.
+    ///
+    /// - `class`: the colour of a voxel's class, where it has one and lies deformed there.
     pub(crate) fn over(
         self,
         displacement: &Displacement,
         largest_mm: f64,
+        class: impl Fn([usize; 3]) -> Option<[u8; 3]>,
         voxel: [usize; 3],
         grey: u8,
     ) -> [u8; 3] {
+        if is_vacated(displacement, voxel) {
+            return [grey; 3];
+        }
+        let Some(scale) = self.scale(largest_mm) else {
+            return class(voxel).map_or([grey; 3], |colour| mixed(grey, colour, CLASS));
+        };
         let Some(value) = self.value(displacement, voxel) else { return [grey; 3] };
         // From where nothing has happened to the end of the scale.
-        let (share, far) = match self {
-            Self::Motion => {
-                let share = value / self.scale(largest_mm)[1];
-                (share, share / WHOLE[0])
-            }
-            Self::Volume => {
-                let octaves = (value.log2() / MOST_TIMES.log2()).clamp(-1.0, 1.0);
-                (0.5 + 0.5 * octaves, octaves.abs() / WHOLE[1])
-            }
+        let (share, far) = if self == Self::Motion {
+            let share = value / scale.ends[1];
+            (share, share / WHOLE[0])
+        } else {
+            let octaves = (value.log2() / MOST_TIMES.log2()).clamp(-1.0, 1.0);
+            (0.5 + 0.5 * octaves, octaves.abs() / WHOLE[1])
         };
         let weight = OPAQUE * far.clamp(0.0, 1.0) * (f64::from(grey) / SEEN).min(1.0);
-        let mixed = |c: u8| (f64::from(grey) * (1.0 - weight) + f64::from(c) * weight).round() as u8;
-        self.colour(share).map(mixed)
+        mixed(grey, scale.colour(share), weight)
     }
 
-    /// What there is to tell of a deformed voxel; nothing where a cut has opened.
+    /// What a scale tells of a deformed voxel; nothing where a cut has opened.
     fn value(self, displacement: &Displacement, voxel: [usize; 3]) -> Option<f64> {
         if is_vacated(displacement, voxel) {
             return None;
@@ -93,8 +101,31 @@ impl Overlay {
             Self::Volume => {
                 Some(times(displacement, voxel)).filter(|times| times.is_finite() && *times > 0.0)
             }
+            Self::Classes => None,
         }
     }
+}
+
+/// What colours mean.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Values at both ends.
+    pub ends: [f64; 2],
+    /// Of what.
+    pub unit: &'static str,
+    stops: &'static [[u8; 3]; 5],
+}
+
+impl Scale {
+    /// The colour at a share of the scale, 0 … 1; beyond its ends that of the end.
+    pub fn colour(self, share: f64) -> [u8; 3] {
+        colour_at(self.stops, share)
+    }
+}
+
+/// A grey with so much of a colour in it.
+pub(crate) fn mixed(grey: u8, colour: [u8; 3], weight: f64) -> [u8; 3] {
+    colour.map(|c| (f64::from(grey) * (1.0 - weight) + f64::from(c) * weight).round() as u8)
 }
 
 /// From where a deformed voxel comes (mm, RAS).
@@ -163,8 +194,12 @@ mod tests {
             }
         }
         let still = stretched(1.0);
+        let red = |voxel: [usize; 3]| (voxel[0] == 4).then_some([255, 0, 0]);
         for overlay in Overlay::ALL {
-            assert_eq!(overlay.over(&still, 0.0, [4, 4, 4], 77), [77; 3], "what rests has no colour");
+            let over = |voxel| overlay.over(&still, 0.0, red, voxel, 77);
+            assert_eq!(over([5, 4, 4]), [77; 3], "what rests has no colour");
+            let has_class = overlay == Overlay::Classes;
+            assert_eq!(over([4; 3]), if has_class { [148, 46, 46] } else { [77; 3] });
         }
     }
 
@@ -215,11 +250,14 @@ mod tests {
 
     #[test]
     fn scales_have_round_ends_and_colours_their_own() {
-        let ends = [0.0, 0.011, 1.0, 1.2, 4.9, 12.0, 60.0].map(|most| Overlay::Motion.scale(most)[1]);
+        let scale = |of: Overlay, most| of.scale(most).unwrap();
+        let ends = [0.0, 0.011, 1.0, 1.2, 4.9, 12.0, 60.0].map(|most| scale(Overlay::Motion, most).ends[1]);
         let wanted = [0.01, 0.02, 1.0, 2.0, 5.0, 20.0, 100.0];
         assert!(ends.iter().zip(wanted).all(|(end, wanted)| (end - wanted).abs() < 1e-9), "{ends:?}");
-        assert_eq!(Overlay::Volume.scale(9.0), [0.5, 2.0]);
-        assert_eq!([-1.0, 0.0].map(|share| Overlay::Motion.colour(share)), [MOTION[0]; 2]);
-        assert_eq!([0.25, 1.0].map(|share| Overlay::Volume.colour(share)), [BLUE_TO_RED[1], BLUE_TO_RED[4]]);
+        assert_eq!(scale(Overlay::Volume, 9.0).ends, [0.5, 2.0]);
+        let colours = |of: Overlay, shares: [f64; 2]| shares.map(|share| scale(of, 1.0).colour(share));
+        assert_eq!(colours(Overlay::Motion, [-1.0, 0.0]), [MOTION[0]; 2]);
+        assert_eq!(colours(Overlay::Volume, [0.25, 1.0]), [BLUE_TO_RED[1], BLUE_TO_RED[4]]);
+        assert!(Overlay::Classes.scale(1.0).is_none());
     }
 }

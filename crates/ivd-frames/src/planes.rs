@@ -7,6 +7,9 @@ use crate::colours::Window;
 use crate::figures::Slice;
 use crate::{Error, Pane};
 
+/// A place lies in a slice up to so many slices beside it.
+const BESIDE: f64 = 2.0;
+
 /// The planes of the slices' panes, and where they meet.
 #[derive(Debug, Clone)]
 pub(crate) struct Planes {
@@ -76,6 +79,16 @@ impl Planes {
     pub(crate) fn off(&self, grid: &Grid, place: [f64; 3]) -> [f64; 3] {
         let VoxelCoord(voxel) = grid.voxel(World(place.into()));
         self.planes.map(|plane| voxel[plane.cut()] - self.slice(&plane, grid.dims()) as f64)
+    }
+
+    /// Which panes' slices a ball meets, or nearly: those so many voxels away, and no further than its radius (mm); of the volume's pane nothing is said.
+    pub(crate) fn reached(&self, grid: &Grid, off: [f64; 3], radius: f64) -> [bool; 4] {
+        let mut seen = [false; 4];
+        for (slice, plane) in self.planes.iter().enumerate() {
+            let away = off[slice].abs();
+            seen[slice + 1] = away <= BESIDE || away * grid.spacing()[plane.cut()] <= radius;
+        }
+        seen
     }
 
     /// A slice, with a pixel for every voxel.

@@ -75,7 +75,7 @@ pub const KEYS: [(&str, &str); 14] = [
     ("right, or the wheel", "zoom; in slices the wheel goes through them"),
     (
         "Handle",
-        "left: take hold and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc cancels",
+        "left: take hold of what is at the ring, the surface's nearest vertex, and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc cancels",
     ),
     ("Pin", "left: hold what is there"),
     (
@@ -91,7 +91,7 @@ pub const KEYS: [(&str, &str); 14] = [
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     (
         "O, W",
-        "the body at rest, and as it is again; pictures divided at a line that can be dragged: at rest, as it is",
+        "the body at rest, and deformed again; pictures divided at a line that can be dragged: at rest, deformed",
     ),
     ("1, 3, 7, 0", "from the front, the left, the top; whole"),
     (

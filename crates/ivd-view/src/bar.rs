@@ -153,8 +153,8 @@ impl Window {
         ui.separator();
         let now = self.compared().map(|compared| compared.shows);
         for (shows, keys, off, on) in [
-            (Shows::Rest, keys::REST, "Show the body at rest", "Show the body as it is"),
-            (Shows::Both, keys::BOTH, "Divide the pictures: at rest, as it is", "Pictures not divided"),
+            (Shows::Rest, keys::REST, "Show the body at rest", "Show the deformed body"),
+            (Shows::Both, keys::BOTH, "Divide the pictures: at rest, deformed", "Pictures not divided"),
         ] {
             let words = if now == Some(shows) { on } else { off };
             if item(ui, is_shown, words, Some(&keys)) {

@@ -1,9 +1,12 @@
 //! Classes of the transfer function: hidden, recoloured, made translucent.
 
-use egui::{Slider, Ui};
+use egui::{Label, RichText, Slider, Ui};
 use ivd_frames::{Class, Figures, Request};
 
 use crate::window::Window;
+
+/// What classes are.
+const ABOUT: &str = "Found by their values: what is alike is one class, whatever it is called. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
 
 impl Window {
     /// Shows a row for each class.
@@ -11,16 +14,20 @@ impl Window {
         if figures.classes.is_empty() {
             return;
         }
-        ui.heading("Classes");
+        ui.heading("Classes").on_hover_text(ABOUT);
+        let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
         for class in &figures.classes {
-            ui.horizontal(|ui| self.class(ui, class));
+            ui.horizontal(|ui| self.class(ui, class, pointed == Some(class.id)));
         }
     }
 
-    fn class(&mut self, ui: &mut Ui, class: &Class) {
-        let Class { id, values: [low, high], hidden, opacity, colour } = class;
+    fn class(&mut self, ui: &mut Ui, class: &Class, is_pointed: bool) {
+        let Class { id, name, ml, values: [low, high], hidden, opacity, colour } = class;
+        ui.spacing_mut().slider_width = 70.0;
         let mut is_seen = !hidden;
-        let seen = ui.checkbox(&mut is_seen, format!("Class {id}"));
+        let named = name.as_ref().map_or_else(|| format!("Class {id}"), |name| format!("Class {id}: {name}"));
+        let text = RichText::new(named);
+        let seen = ui.checkbox(&mut is_seen, if is_pointed { text.strong().underline() } else { text });
         let seen = seen.on_hover_text(format!("values {low:.4} to {high:.4}"));
         let before = bytes(colour);
         let mut rgb = before;
@@ -29,6 +36,8 @@ impl Window {
         let slider = Slider::new(&mut share, 0.0..=1.0).show_value(false);
         let slid = ui.add_enabled(is_seen, slider).accessible_name(format!("Opacity of class {id}"));
         let slid = slid.on_hover_text(format!("opacity {opacity:.3}"));
+        let much = ml.map_or_else(String::new, |ml| format!(", {} ml", rounded(ml)));
+        ui.add(Label::new(RichText::new(format!("{low:.0} to {high:.0}{much}")).weak()).truncate());
         if seen.changed() || coloured.changed() || slid.changed() {
             let [red, green, blue] = rgb;
             let colour =
@@ -43,6 +52,12 @@ impl Window {
     }
 }
 
+/// A volume with three digits.
+fn rounded(ml: f64) -> String {
+    let digits = (2.0 - ml.max(0.01).log10().floor()).clamp(0.0, 2.0) as usize;
+    format!("{ml:.digits$}")
+}
+
 /// The bytes of `#rrggbb`; black for what is none.
 fn bytes(colour: &str) -> [u8; 3] {
     let byte = |at: usize| colour.get(at..at + 2).and_then(|hex| u8::from_str_radix(hex, 16).ok());
@@ -52,6 +67,11 @@ fn bytes(colour: &str) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn volumes_have_three_digits_at_most_two_after_the_point() {
+        assert_eq!([1234.5, 56.78, 3.456, 0.012, 0.0].map(rounded), ["1234", "56.8", "3.46", "0.01", "0.00"]);
+    }
 
     #[test]
     fn colours_are_bytes() {

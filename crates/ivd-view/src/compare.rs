@@ -7,7 +7,7 @@ use crate::side::list;
 use crate::window::Window;
 
 /// Which states there are.
-const STATES: &str = "The body at rest is the scan as it was read; as it is, what was done to it";
+const STATES: &str = "The body at rest is the scan as it was read, whatever was pulled or cut open since";
 /// The line that divides pictures is taken hold of from so far away (points).
 const NEAR: f32 = 5.0;
 
@@ -65,7 +65,7 @@ impl Window {
         match self.shown.figures().map(|figures| figures.compare) {
             Some(Compared { shows: Shows::Rest, .. }) => ", the body at rest".to_owned(),
             Some(Compared { shows: Shows::Both, at }) => {
-                format!(", the body at rest up to {:.0} % of the width, beyond that as it is", 100.0 * at)
+                format!(", the body at rest up to {:.0} % of the width, beyond that deformed", 100.0 * at)
             }
             _ => String::new(),
         }

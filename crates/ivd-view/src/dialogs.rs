@@ -21,7 +21,7 @@ pub(crate) enum Dialog {
     /// Whether the deformed volume is kept without what planes and boxes take away.
     Export { without: bool },
     /// Where to keep something.
-    Keep { what: Keeps, path: String, replace: bool },
+    Keep { what: Keeps, path: String, was: Was },
     /// What would be lost.
     Unsaved(Then),
     /// Whether to go on from a log that was left over.
@@ -34,6 +34,17 @@ pub(crate) enum Dialog {
     Keys,
     /// Something went wrong.
     Problem { title: &'static str, text: String },
+}
+
+/// What was found of a path before it is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Was {
+    /// Nothing yet.
+    New,
+    /// A file is there, which may be replaced.
+    There,
+    /// Its folder isn't there.
+    Nowhere,
 }
 
 /// What is done after a question about what would be lost.
@@ -83,8 +94,8 @@ impl Window {
                 let what = if without { Saved::Volume } else { Saved::Whole };
                 self.ask_for(Purpose::Keep(Keeps::Asked(what)), context);
             }
-            Dialog::Keep { what, path, replace } => {
-                self.keep(what, PathBuf::from(path.trim()), replace, context);
+            Dialog::Keep { what, path, was } => {
+                self.keep(what, PathBuf::from(path.trim()), was == Was::There, context);
             }
             Dialog::Unsaved(then) => {
                 self.ask_for(Purpose::Keep(Keeps::Asked(Saved::Scene)), context);
@@ -152,7 +163,7 @@ impl Window {
             }
             Purpose::Keep(what) => {
                 let path = self.offered(what.name());
-                Dialog::Keep { what, path, replace: false }
+                Dialog::Keep { what, path, was: Was::New }
             }
         });
     }
@@ -165,11 +176,16 @@ impl Window {
         std::path::absolute(&path).unwrap_or(path).display().to_string()
     }
 
-    /// Keeps something there; what is there already is asked about once.
+    /// Keeps something there; what is there already is asked about once, and a folder that isn't there is told.
     pub(crate) fn keep(&mut self, what: Keeps, path: PathBuf, replace: bool, context: &Context) {
-        if path.exists() && !replace {
-            let path = path.display().to_string();
-            self.dialog = Some(Dialog::Keep { what, path, replace: true });
+        let is_folder = |folder: &Path| folder.as_os_str().is_empty() || folder.is_dir();
+        let was = match path.parent() {
+            Some(folder) if !is_folder(folder) => Some(Was::Nowhere),
+            _ if path.exists() && !replace => Some(Was::There),
+            _ => None,
+        };
+        if let Some(was) = was {
+            self.dialog = Some(Dialog::Keep { what, path: path.display().to_string(), was });
             return;
         }
         if what == Keeps::Recording {
@@ -195,7 +211,9 @@ impl Dialog {
     fn number(&self) -> u8 {
         match self {
             Self::Open { .. } => 0,
-            Self::Keep { replace, .. } => 1 + u8::from(*replace),
+            Self::Keep { was: Was::New, .. } => 1,
+            Self::Keep { was: Was::There, .. } => 2,
+            Self::Keep { was: Was::Nowhere, .. } => 10,
             Self::Unsaved(_) => 3,
             Self::Recover { .. } => 4,
             Self::Keys => 5,
@@ -228,12 +246,15 @@ impl Dialog {
                     Answer::None
                 }
             }
-            Self::Keep { what, path, replace } => {
+            Self::Keep { what, path, was } => {
                 ui.heading(format!("Save {}", what.word()));
-                if *replace {
-                    ui.label("A file of this name is there already.");
+                match was {
+                    Was::New => {}
+                    Was::There => _ = ui.label("A file of this name is there already."),
+                    Was::Nowhere => _ = ui.label("There is no such folder: choose one that is there."),
                 }
-                typed(ui, path, "Path", if *replace { "Replace" } else { "Save" }, *replace)
+                let is_there = *was == Was::There;
+                typed(ui, path, "Path", if is_there { "Replace" } else { "Save" }, is_there)
             }
             Self::Unsaved(_) => {
                 ui.heading("What was done here is not saved");

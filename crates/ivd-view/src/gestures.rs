@@ -160,9 +160,11 @@ impl Hands {
         (press.does == Does::Handle).then_some(Request::Abandon)
     }
 
-    /// Keeps what is held to an axis, or no longer.
-    pub(crate) fn keep_to(&mut self, axis: Axis) {
+    /// Keeps what is held to an axis, or no longer, from where it is at once.
+    pub(crate) fn keep_to(&mut self, axis: Axis) -> Option<Request> {
         self.lock = if self.lock == Some(axis) { None } else { Some(axis) };
+        let press = self.press.filter(|press| press.does == Does::Handle)?;
+        Some(Request::Drag { to: within(press.at), lock: self.lock })
     }
 
     /// The wheel turns away from the hand; `on_handle`: whether a handle is pointed at.
@@ -241,7 +243,7 @@ mod tests {
         let mut hands = Hands::default();
         let grab = hands.pressed(Pane::Axial, [0.5; 2], Button::Left, false, Tool::Handle);
         assert!(matches!(grab, Some(Request::Grab { .. })));
-        hands.keep_to(Axis::Y);
+        assert_eq!(hands.keep_to(Axis::Y), Some(Request::Drag { to: [0.5; 2], lock: Some(Axis::Y) }));
         assert_eq!(hands.moved([0.6, 9.0]), Some(Request::Drag { to: [0.6, 2.0], lock: Some(Axis::Y) }));
         // Half steps of a smooth scroll come together.
         let wheel = |hands: &mut Hands| hands.wheel(Pane::Axial, [0.5; 2], 25.0, Tool::Handle, false);

@@ -14,6 +14,12 @@ const SIDES: [(&str, &str); 3] = [
     ("A", "to the front; less than 0: to the back"),
     ("S", "to the head; less than 0: to the feet"),
 ];
+/// Voxels that go less far than their vertex by more than this share of its way, and this (mm), are told of.
+const LAG: [f64; 2] = [0.05, 0.1];
+/// Why voxels go less far.
+const BEHIND: &str = "Further on voxels would fold over one another, so they are kept back. A larger radius, a smaller move, or voxels that follow smoothest come closer";
+/// A move this straight out of the surface or into it (cosine) is called so.
+const STRAIGHT: f64 = 0.5;
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -25,7 +31,9 @@ impl Window {
         if !figures.handles.is_empty() {
             ui.weak("moved by, and reach (mm):");
         }
-        Grid::new("handles").num_columns(6).show(ui, |ui| {
+        // Six columns have room in the panel, whatever their numbers.
+        ui.spacing_mut().interact_size.x = 34.0;
+        Grid::new("handles").num_columns(6).spacing([3.0, 3.0]).show(ui, |ui| {
             if !figures.handles.is_empty() {
                 ui.weak("");
                 ui.weak("");
@@ -44,6 +52,16 @@ impl Window {
                 ui.end_row();
             }
         });
+        for one in &figures.handles {
+            let Some(told) = told(one) else { continue };
+            let behind = lag(one).is_some();
+            let text = format!("{}: {told}", one.id);
+            let line =
+                if behind { ui.colored_label(ui.visuals().warn_fg_color, text) } else { ui.weak(text) };
+            if behind {
+                line.on_hover_text(BEHIND);
+            }
+        }
         for pin in &figures.pins {
             ui.horizontal(|ui| {
                 if ui.button(format!("Pin {}", pin.id)).on_hover_text("The slices go there").clicked() {
@@ -128,6 +146,30 @@ impl Window {
     }
 }
 
+/// How far a handle has moved its vertex, which way, and how far the voxels there have gone; `None` where it moves nothing.
+pub(crate) fn told(one: &Spot) -> Option<String> {
+    let by = one.by.filter(|by| length(*by) > 0.0)?;
+    let along: f64 = (0..3).map(|a| by[a] * one.outward[a]).sum::<f64>() / length(by);
+    let way = match along {
+        _ if along > STRAIGHT => " outwards",
+        _ if along < -STRAIGHT => " inwards",
+        _ => "",
+    };
+    let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
+    Some(format!("{:.1} mm{way}{voxels}", length(by)))
+}
+
+/// How far voxels have gone (mm), where that is noticeably less than they were told to.
+fn lag(one: &Spot) -> Option<f64> {
+    let (by, gone) = (one.by?, length(one.gone));
+    let left = length(std::array::from_fn(|a| by[a] - one.gone[a]));
+    (left > (LAG[0] * length(by)).max(LAG[1])).then_some(gone)
+}
+
+fn length(way: [f64; 3]) -> f64 {
+    way.iter().map(|c| c * c).sum::<f64>().sqrt()
+}
+
 /// A place, as it is read.
 pub(crate) fn place(at: [f64; 3]) -> String {
     at.map(|c| format!("{c:.1}")).join(", ")
@@ -143,6 +185,29 @@ fn read(text: &str) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_move_is_told_by_its_way_and_by_what_stays_behind() {
+        let spot = |by, gone| Spot {
+            id: 0,
+            rest: [0.0; 3],
+            now: [0.0; 3],
+            by: Some(by),
+            with: None,
+            radius: 9.0,
+            at: [None; 4],
+            off: [0.0; 3],
+            gone,
+            seen: [true; 4],
+            outward: [0.0, 1.0, 0.0],
+        };
+        let said = |by, gone| told(&spot(by, gone));
+        assert_eq!(said([0.0, -5.0, 0.0], [0.0, -4.9, 0.0]).unwrap(), "5.0 mm inwards");
+        assert_eq!(said([0.0, -5.0, 0.0], [0.0, -2.7, 0.0]).unwrap(), "5.0 mm inwards, voxels there 2.7 mm");
+        assert_eq!(said([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]).unwrap(), "3.2 mm");
+        assert_eq!(said([0.0; 3], [0.0; 3]), None);
+        assert_eq!(told(&Spot { by: None, with: Some([1.0; 3]), ..spot([0.0; 3], [0.0; 3]) }), None);
+    }
 
     #[test]
     fn a_place_is_three_numbers() {

@@ -76,7 +76,8 @@ impl Window {
         if self.hands.hold() {
             for (key, axis) in [(Key::X, Axis::X), (Key::Y, Axis::Y), (Key::Z, Axis::Z)] {
                 if pressed(key) {
-                    self.hands.keep_to(axis);
+                    let asked = self.hands.keep_to(axis);
+                    self.ask_all(asked);
                 }
             }
         }

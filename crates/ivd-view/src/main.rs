@@ -14,9 +14,18 @@ use ivd_frames::Source;
 use ivd_pipeline::scene::Override;
 use ivd_view::{Options, run, source};
 
+/// How one begins.
+const AFTER: &str = "\
+  ivd-view demo           a generated head, with a handle on its nose
+  ivd-view scan.nii.gz    a scan: slices at once, the rest as soon as it is made
+
+In the window: choose Handle (H) and drag a surface in any picture; Look inside cuts the picture
+open; Ctrl+Z undoes; File keeps a scene, which opens again here and in `ivd pipeline`; ? lists
+what hands and keys do.";
+
 /// Shows a scan in a window, to be pulled and pressed by hand.
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(version, after_help = AFTER)]
 struct Words {
     /// Scan, scene (.toml), log that was kept (.jsonl), or the word demo. Without it the window asks.
     #[arg(value_name = "FILE|SCENE|SESSION|demo")]

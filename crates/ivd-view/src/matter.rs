@@ -9,9 +9,7 @@ use crate::window::Window;
 /// By how much a field changes when the pointer is dragged over it by a point (N/m).
 const SPEED: f64 = 0.5;
 /// How what is pulled takes the rest along.
-const FOLLOWS: &str = "How the surface round a handle goes along. Rings: less with its distance, as far as the radius. Springs: all of it resists, each place as stiff as its class, so that less goes along; voxels stay behind where they would fold";
-/// What rings can't.
-const RINGS: &str = "Rings are as stiff everywhere. By springs a class can be stiffer than others.";
+const FOLLOWS: &str = "How the surface round a handle goes along. Rings: less with its distance, as far as the radius, as stiff everywhere. Springs: all of it resists, each place as stiff as its class, which can be chosen then; voxels stay behind where they would fold";
 /// What a class's stiffness counts for.
 const CLASSES: &str = "Classes along the surface that is moved. It shows where something is pulled with a force, or where two of them lie within reach.";
 
@@ -30,9 +28,6 @@ impl Window {
         }
         if !figures.knows_classes {
             return;
-        }
-        if is(SolverName::Ring) {
-            ui.weak(RINGS);
         }
         for matter in &figures.matter {
             let class = figures.classes.iter().find(|class| class.id == matter.class);

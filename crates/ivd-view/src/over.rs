@@ -3,6 +3,7 @@
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
 use ivd_frames::{Bone, Figures, Hovered, Overlay, Pane, Ruler, Shows, Spot, Tool};
 
+use crate::handles::told;
 use crate::rulers::{degrees, mm};
 use crate::shown::Shown;
 
@@ -20,10 +21,14 @@ const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
 const BESIDE: f64 = 2.0;
 /// Of what is written over pictures (points).
 const LETTERS: f32 = 13.0;
+/// Where letters stand along the edges (points).
+const EDGE: f32 = 24.0;
 
 /// Width and height of what tells colours apart (points), and into how many it is divided.
 const LEGEND: Vec2 = vec2(100.0, 8.0);
 const SHADES: usize = 25;
+/// Of a class's colour and number (points).
+const CHIP: f32 = 34.0;
 
 /// What is drawn over a pane.
 pub(crate) struct Over<'a> {
@@ -79,8 +84,10 @@ impl Over<'_> {
             return;
         }
         let Some(at) = self.shown.cross_at()[self.pane.number()].map(|at| self.place(at)) else { return };
-        self.painter.hline(self.rect.x_range(), at.y, Stroke::new(1.0, CROSS));
-        self.painter.vline(at.x, self.rect.y_range(), Stroke::new(1.0, CROSS));
+        // Not through the letters at the edges.
+        let within = self.rect.shrink(EDGE);
+        self.painter.hline(within.x_range(), at.y, Stroke::new(1.0, CROSS));
+        self.painter.vline(at.x, within.y_range(), Stroke::new(1.0, CROSS));
     }
 
     fn ring(&self, at: Pos2, radius: f32, colour: Color32, width: f32) {
@@ -96,7 +103,7 @@ impl Over<'_> {
     fn spots(&self, figures: &Figures) {
         let number = self.pane.number();
         let Some(scale) = self.scale() else { return };
-        for pin in &figures.pins {
+        for pin in figures.pins.iter().filter(|pin| pin.seen[number] || number == 0) {
             let Some(at) = pin.at[number].map(|at| self.place(at)) else { continue };
             let colour = self.faint(pin, PIN);
             self.ring(at, 5.0, colour, 2.0);
@@ -104,7 +111,7 @@ impl Over<'_> {
         }
         let hovered = figures.hovered.as_ref().filter(|_| self.pointed);
         let pointed = hovered.and_then(|hovered| hovered.handle);
-        for one in &figures.handles {
+        for one in figures.handles.iter().filter(|one| one.seen[number] || figures.held == Some(one.id)) {
             let Some(at) = one.at[number].map(|at| self.place(at)) else { continue };
             let held = figures.held == Some(one.id) || pointed == Some(one.id);
             let colour = self.faint(one, if held { HELD } else { HANDLE });
@@ -112,7 +119,9 @@ impl Over<'_> {
             if held {
                 self.ring(at, one.radius as f32 * scale, colour.gamma_multiply(0.55), 1.0);
             }
-            self.write(at + vec2(8.0, -8.0), Align2::LEFT_BOTTOM, one.id, LETTERS, colour);
+            let moved = told(one).filter(|_| figures.held == Some(one.id));
+            let text = moved.map_or_else(|| one.id.to_string(), |moved| format!("{}: {moved}", one.id));
+            self.write(at + vec2(8.0, -8.0), Align2::LEFT_BOTTOM, text, LETTERS, colour);
         }
         if let Some(hovered) = hovered.filter(|_| figures.held.is_none() && pointed.is_none()) {
             self.would_take(figures, hovered, scale);
@@ -196,9 +205,17 @@ impl Over<'_> {
             let dark = Color32::BLACK.gamma_multiply(if faint { 0.2 } else { 0.6 });
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(4.0, dark));
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(1.5, colour));
-            let at = pair[0] + 0.5 * (pair[1] - pair[0]) + vec2(6.0, -4.0);
+            // Beside the line, to its right or, where that lies flat, above it.
+            let along = (pair[1] - pair[0]).normalized();
+            let across =
+                vec2(along.y.abs(), if along.x * along.y > 0.0 { -1.0 } else { 1.0 } * along.x.abs());
+            let (across, align) = match across {
+                _ if along.x.abs() > along.y.abs() => (vec2(0.0, -8.0), Align2::CENTER_BOTTOM),
+                across => (8.0 * across, Align2::LEFT_CENTER),
+            };
+            let at = pair[0] + 0.5 * (pair[1] - pair[0]) + across;
             if !faint {
-                self.write(at, Align2::LEFT_BOTTOM, mm(figures, ruler, leg), LETTERS, colour);
+                self.write(at, align, mm(figures, ruler, leg), LETTERS, colour);
             }
         }
         for end in &ends {
@@ -234,23 +251,37 @@ impl Over<'_> {
     /// What the colours over a slice mean.
     fn legend(&self, figures: &Figures) {
         let is_coloured = self.pane != Pane::Volume && figures.compare.shows != Shows::Rest;
-        let Some(of) = figures.overlay.filter(|_| is_coloured) else { return };
         let corner = self.rect.left_bottom() + vec2(6.0, -38.0);
+        if figures.overlay == Some(Overlay::Classes) && self.pane != Pane::Volume {
+            self.chips(figures, corner);
+        }
+        let of = figures.overlay.filter(|_| is_coloured);
+        let Some(scale) = of.and_then(|of| of.scale(figures.largest_mm)) else { return };
         let bar = Rect::from_min_size(corner, LEGEND);
         let step = LEGEND.x / SHADES as f32;
         for shade in 0..SHADES {
-            let [red, green, blue] = of.colour((shade as f64 + 0.5) / SHADES as f64);
+            let [red, green, blue] = scale.colour((shade as f64 + 0.5) / SHADES as f64);
             let part = Rect::from_min_size(corner + vec2(step * shade as f32, 0.0), vec2(step, LEGEND.y));
             self.painter.rect_filled(part, 0.0, Color32::from_rgb(red, green, blue));
         }
-        let [low, high] = of.scale(figures.largest_mm);
-        let unit = match of {
-            Overlay::Motion => "mm",
-            Overlay::Volume => "times the volume",
-        };
+        let ([low, high], unit) = (scale.ends, scale.unit);
         let high = (high * 1e6).round() / 1e6;
         let told = format!("{low} to {high} {unit}");
         self.write(bar.left_top() - vec2(0.0, 2.0), Align2::LEFT_BOTTOM, told, LETTERS, TEXT);
+    }
+
+    /// The classes by their colours, as far as there is room.
+    fn chips(&self, figures: &Figures, corner: Pos2) {
+        let mut at = corner;
+        for class in figures.classes.iter().filter(|class| !class.hidden) {
+            if at.x + CHIP > self.rect.right() {
+                break;
+            }
+            let colour = Color32::from_hex(&class.colour).unwrap_or(TEXT);
+            self.painter.rect_filled(Rect::from_min_size(at, vec2(10.0, 10.0)), 2.0, colour);
+            self.write(at + vec2(13.0, 5.0), Align2::LEFT_CENTER, class.id, LETTERS, TEXT);
+            at.x += CHIP;
+        }
     }
 
     fn letters(&self) {

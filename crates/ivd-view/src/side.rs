@@ -19,13 +19,10 @@ const FOLLOW: &str = "What lies within goes as the nearest of the surface does, 
 /// What is looked into.
 const INSIDE: &str = "Leaves out of the volume's picture what lies before that slice. It is for looking alone, and the slices move it";
 /// What colours over slices tell of.
-const OVER: &str =
-    "How far voxels have moved, or how much they are squeezed or stretched, as colours over the slices";
+const OVER: &str = "How far voxels have moved, how much they are squeezed or stretched, or of which class they are, as colours over the slices";
 /// Stiffness that the slider ends at (N/m).
 const STIFFEST: f64 = 1e5;
 
-/// Matter that may have less of its volume left is squeezed so that one sees it.
-const SQUEEZED: f64 = 0.2;
 /// What the lattice's level means.
 const LEVEL: &str = "How coarse the net of triangles is that is pulled: 0 is the finest and slowest, each further level has about a quarter of the vertices";
 
@@ -43,11 +40,12 @@ impl Window {
                 ui.separator();
                 self.incision(ui, &figures);
                 ui.separator();
-                self.rulers(ui, &figures);
                 self.clips(ui, &figures);
                 ui.separator();
                 self.bones(ui, &figures);
                 self.classes(ui, &figures);
+                // Comes and goes with its tool: last, so that nothing else is moved by it.
+                self.rulers(ui, &figures);
                 self.made_of(ui, &figures);
             }
             let notes = self.notes.clone();
@@ -114,7 +112,6 @@ impl Window {
         self.follow(ui, figures);
         self.fades(ui, figures);
         self.compare(ui, figures);
-        self.look_inside(ui, figures);
         self.colours_over(ui, figures);
     }
 
@@ -126,11 +123,6 @@ impl Window {
             list(ui, ["Voxels follow", FOLLOW], shown, MapName::ALL.map(|map| (map, map.word())))
         {
             self.ask(Request::Map { map });
-        }
-        if now == Some(MapName::Octree) && figures.min_det_j < SQUEEZED {
-            let left = 100.0 * figures.min_det_j;
-            let told = format!("Squeezed somewhere to {left:.0} % of its volume: smoothest squeezes less.");
-            ui.colored_label(ui.visuals().warn_fg_color, told);
         }
     }
 
@@ -144,9 +136,9 @@ impl Window {
     }
 
     /// Where the volume's picture is open: nothing of the volume goes by it.
-    fn look_inside(&mut self, ui: &mut Ui, figures: &Figures) {
+    pub(crate) fn look_inside(&mut self, ui: &mut Ui, figures: &Figures) {
         let word = |along: Option<Pane>| match along {
-            None => "not".to_owned(),
+            None => "no".to_owned(),
             Some(Pane::Volume) => "facing me".to_owned(),
             Some(slice) => name(slice).to_lowercase(),
         };
@@ -161,7 +153,8 @@ impl Window {
     /// What colours over the slices tell of.
     fn colours_over(&mut self, ui: &mut Ui, figures: &Figures) {
         let word = |of: Option<Overlay>| of.map_or("nothing", Overlay::word);
-        let all = [None].into_iter().chain(Overlay::ALL.map(Some));
+        let knows = |of: &Overlay| *of != Overlay::Classes || !figures.classes.is_empty();
+        let all = [None].into_iter().chain(Overlay::ALL.into_iter().filter(knows).map(Some));
         let shown = (Some(figures.overlay), word(figures.overlay));
         if let Some(of) = list(ui, ["Colours over slices", OVER], shown, all.map(|of| (of, word(of)))) {
             self.ask(Request::Overlay { of });

@@ -8,6 +8,11 @@ use crate::window::Window;
 /// What a figure of the line means.
 const DET_J: &str = "Largest motion: of any voxel. det J: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
 
+/// Matter that may have less of its volume left is squeezed so that one sees it.
+const SQUEEZED: f64 = 0.2;
+/// Voxels that are left behind by more than this share of what moves them are told of.
+const BEHIND: f64 = 0.1;
+
 impl Window {
     /// Shows the line.
     pub(crate) fn status(&mut self, ui: &mut Ui) {
@@ -20,22 +25,30 @@ impl Window {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                    if let Some(warning) = self.shown.figures().and_then(warned) {
+                        ui.colored_label(ui.visuals().warn_fg_color, warning);
+                    }
                     let text =
                         [works, self.records(), self.under_the_pointer(), self.shown.figures().map(told)];
                     let text: Vec<String> = text.into_iter().flatten().collect();
                     let text = if text.is_empty() { self.goes_on() } else { text.join(" · ") };
-                    ui.add(egui::Label::new(text).truncate()).on_hover_text(DET_J);
+                    let line = ui.add(egui::Label::new(text).truncate());
+                    line.on_hover_ui(|ui| {
+                        ui.label(explained(self.shown.figures()));
+                    });
                 });
             });
         });
     }
 
     fn under_the_pointer(&self) -> Option<String> {
-        let hovered =
-            self.shown.hovered().filter(|_| self.pointed).map(|hovered| (hovered.place, hovered.value));
+        let hovered = self.shown.hovered().filter(|_| self.pointed);
+        let class = hovered.and_then(|hovered| hovered.class).filter(|class| *class > 0);
+        let hovered = hovered.map(|hovered| (hovered.place, hovered.value));
         let (place, value) = hovered.or_else(|| self.shown.cross())?;
         let value = value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
-        Some(format!("{value} at {} mm", place.map(|c| format!("{c:.1}")).join(", ")))
+        let class = class.map_or_else(String::new, |class| format!(", class {class}"));
+        Some(format!("{value} at {} mm{class}", place.map(|c| format!("{c:.1}")).join(", ")))
     }
 
     /// What is done while there are no frames.
@@ -102,19 +115,31 @@ fn progress(ui: &mut Ui, bar: ProgressBar) {
     ui.add(bar).accessible_name("Progress of opening");
 }
 
-/// What the last motion came to, and what it took.
+/// What the last motion came to.
 fn told(figures: &Figures) -> String {
+    format!(
+        "largest motion {:.2} mm · det J ≥ {:.3} · {} vertices at level {}",
+        figures.largest_mm, figures.min_det_j, figures.vertices, figures.level
+    )
+}
+
+/// What is to be known before what is seen is trusted.
+fn warned(figures: &Figures) -> Option<String> {
+    let squeezed = (figures.min_det_j < SQUEEZED)
+        .then(|| format!("squeezed somewhere to {:.0} % of its volume", 100.0 * figures.min_det_j));
+    let left = (figures.behind > BEHIND)
+        .then(|| format!("voxels up to {:.1} mm behind the surface that is pulled", figures.left_mm));
+    let told: Vec<String> = squeezed.into_iter().chain(left).collect();
+    let smoothest = if figures.map == "octree" { " (smoothest squeezes less)" } else { "" };
+    (!told.is_empty()).then(|| format!("{}{smoothest}", told.join(", ")))
+}
+
+/// What the numbers of the line mean, and what the last motion took.
+fn explained(figures: Option<&Figures>) -> String {
+    let Some(figures) = figures else { return DET_J.to_owned() };
     let milli = |s: f64| format!("{:.0} ms", 1e3 * s);
     let [solve, map, warp] = figures.times;
-    format!(
-        "largest motion {:.2} mm · det J ≥ {:.3} · {} vertices at level {} · lattice {}, map {}, voxels {}, picture {}",
-        figures.largest_mm,
-        figures.min_det_j,
-        figures.vertices,
-        figures.level,
-        milli(solve),
-        milli(map),
-        milli(warp),
-        milli(figures.draw_s)
-    )
+    let took = [milli(solve), milli(map), milli(warp), milli(figures.draw_s)];
+    let [lattice, map, voxels, picture] = took;
+    format!("{DET_J} It took: lattice {lattice}, map {map}, voxels {voxels}, picture {picture}.")
 }

@@ -1,11 +1,15 @@
 //! The body at rest, in the place of what is shown or beside it.
 
-use ivd_core::{Exec, Image, Volume, VoxelIndex};
+use std::collections::BTreeMap;
+
+use ivd_core::{Displacement, Exec, Image, Volume, VoxelIndex};
+use ivd_field::clip::{self, By};
 use ivd_report::Plane;
+use nalgebra::Vector3;
 
 use super::Model;
 use crate::compared::divided;
-use crate::{Compared, Error, Pane, Shows};
+use crate::{Compared, Error, Overlay, Pane, Shows};
 
 /// How much of its grey what is taken away has in red, green and blue.
 const TAKEN: [f64; 3] = [0.25, 0.3, 0.45];
@@ -20,9 +24,30 @@ impl Model {
         let before = std::mem::replace(&mut self.compared, next);
         if before != next {
             self.hovered = None;
+            self.clip_rest()?;
             self.touch(&Pane::ALL);
         }
         Ok(())
+    }
+
+    /// Takes away of the body at rest what planes and boxes take away, while it is shown.
+    pub(super) fn clip_rest(&mut self) -> Result<(), Error> {
+        let shown = self.compared.shows != Shows::Now;
+        let Some(params) = self.session.settings().clip.params().filter(|_| shown) else {
+            self.rest = None;
+            return Ok(());
+        };
+        if self.rest.as_ref().is_none_or(|(same, _)| *same != params) {
+            let clipped = clip::volume(self.session.rest(), &params, &By::default(), &self.exec)?.output;
+            clipped.find_bricks(&self.exec)?;
+            self.rest = Some((params, clipped));
+        }
+        Ok(())
+    }
+
+    /// The body at rest, as it is shown.
+    fn seen_at_rest(&self) -> &Volume {
+        self.rest.as_ref().map_or(self.session.rest(), |(_, clipped)| clipped)
     }
 
     /// Something was changed: it is to be seen.
@@ -35,7 +60,7 @@ impl Model {
 
     /// The body as a pane shows it at a share.
     pub(super) fn seen(&self, at: [f64; 2]) -> &Volume {
-        if self.compared.is_rest_at(at) { self.session.rest() } else { self.session.deformed() }
+        if self.compared.is_rest_at(at) { self.seen_at_rest() } else { self.session.deformed() }
     }
 
     /// The body as it is told of where no pane is pointed at.
@@ -56,7 +81,7 @@ impl Model {
         Err(Error::Request {
             what,
             problem: "the body is shown at rest there".to_owned(),
-            remedy: "show it as it is first",
+            remedy: "show it deformed first",
         })
     }
 
@@ -67,10 +92,8 @@ impl Model {
     pub fn draw(&self, pane: Pane, coarser: usize, exec: &Exec) -> Result<Image, Error> {
         let Compared { shows, at } = self.compared;
         let rest = || match self.panes.planes.plane(pane) {
-            Some(plane) => {
-                self.panes.planes.draw(plane, self.session.rest(), self.window, |_, grey| [grey; 3])
-            }
-            None => self.panes.draw(self.session.rest(), self.transfer.as_ref(), coarser, exec),
+            Some(plane) => self.slice_at_rest(plane),
+            None => self.panes.draw(self.seen_at_rest(), self.transfer.as_ref(), coarser, exec),
         };
         let now = || match self.panes.planes.plane(pane) {
             Some(plane) => self.slice_now(plane),
@@ -85,21 +108,58 @@ impl Model {
 
     /// Draws a slice of the body as it is now, with colours over it; what planes and boxes take away of it is dark.
     fn slice_now(&self, plane: &Plane) -> Result<Image, Error> {
-        let largest_mm = self.session.last().largest_mm;
+        let (displacement, largest_mm) = (self.session.displacement(), self.session.last().largest_mm);
         let clips = !self.session.settings().clip.parts.is_empty();
+        let (grid, colours) = (displacement.grid(), self.colours_over());
+        // Of what lies there now.
+        let class = |voxel: [usize; 3]| {
+            let now = grid.world(VoxelIndex(voxel).into()).0;
+            let way = displacement.inverse().at(VoxelIndex(voxel)).map(f64::from);
+            self.class_at((now + Vector3::from(way)).into()).and_then(|class| colours.get(&class).copied())
+        };
         self.panes.planes.draw(plane, self.session.whole(), self.window, |voxel, grey| {
             if clips && self.is_taken(voxel) {
-                return TAKEN.map(|share| (share * f64::from(grey)).round() as u8);
+                return taken(grey);
             }
-            self.overlay.map_or([grey; 3], |of| of.over(self.session.displacement(), largest_mm, voxel, grey))
+            self.overlay.map_or([grey; 3], |of| of.over(displacement, largest_mm, class, voxel, grey))
         })
+    }
+
+    /// Draws a slice of the body at rest: nothing has moved there, but it has its classes.
+    fn slice_at_rest(&self, plane: &Plane) -> Result<Image, Error> {
+        let (volume, colours) = (self.session.rest(), self.colours_over());
+        let still = Displacement::identity(volume.grid().clone());
+        let class = |voxel: [usize; 3]| {
+            let at = volume.grid().world(VoxelIndex(voxel).into()).0;
+            self.class_at(at.into()).and_then(|class| colours.get(&class).copied())
+        };
+        let shown = self.rest.as_ref().map(|(_, clipped)| clipped);
+        self.panes.planes.draw(plane, volume, self.window, |voxel, grey| match self.overlay {
+            _ if shown.is_some_and(|shown| differ(shown, volume, voxel)) => taken(grey),
+            Some(Overlay::Classes) => Overlay::Classes.over(&still, 0.0, class, voxel, grey),
+            _ => [grey; 3],
+        })
+    }
+
+    /// The colours of classes, where they lie over slices.
+    fn colours_over(&self) -> BTreeMap<u16, [u8; 3]> {
+        let are_seen = self.overlay == Some(Overlay::Classes);
+        if are_seen { self.class_colours() } else { BTreeMap::new() }
     }
 
     /// Whether planes and boxes take something else than background away in a voxel.
     pub(super) fn is_taken(&self, voxel: [usize; 3]) -> bool {
-        let [shown, whole] =
-            [self.session.deformed(), self.session.whole()].map(|volume| volume.value(VoxelIndex(voxel)));
-        // What is no number stays none.
-        shown != whole && !(shown.is_nan() && whole.is_nan())
+        differ(self.session.deformed(), self.session.whole(), voxel)
     }
+}
+
+/// Whether two volumes differ in a voxel; what is no number stays none.
+fn differ(one: &Volume, other: &Volume, voxel: [usize; 3]) -> bool {
+    let [one, other] = [one, other].map(|volume| volume.value(VoxelIndex(voxel)));
+    one != other && !(one.is_nan() && other.is_nan())
+}
+
+/// What is taken away, as slices show it.
+fn taken(grey: u8) -> [u8; 3] {
+    TAKEN.map(|share| (share * f64::from(grey)).round() as u8)
 }

@@ -13,7 +13,7 @@ use crate::{Axis, Error, Pane};
 
 /// A handle is taken hold of from so far away (shares of the pane).
 const NEAR: f64 = 0.025;
-/// A handle lies in a slice, or isn't hidden, up to so many voxels beyond it.
+/// A handle isn't hidden up to so many voxels behind what is seen.
 const BESIDE: f64 = 2.5;
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
@@ -30,7 +30,8 @@ impl Model {
         if self.compared.is_rest_at(at) {
             let volume = self.session.rest();
             let shares = self.panes.shares(volume.grid(), &self.lens, place);
-            return Ok(Some(Hovered::at_rest(pane, place, volume, shares)));
+            let hovered = Hovered::at_rest(pane, place, volume, shares);
+            return Ok(Some(Hovered { class: self.class_at(place), ..hovered }));
         }
         let rest = self.rest_of(place);
         let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
@@ -43,6 +44,7 @@ impl Model {
             place,
             rest,
             value: value_at(volume, place),
+            class: self.class_at(rest),
             handle: self.handle_at(pane, at)?,
             vertex: vertex.map(|pick| pick.at),
             vertex_at: now.map_or([None; 4], |now| self.panes.shares(grid, &self.lens, now)),
@@ -51,7 +53,7 @@ impl Model {
         }))
     }
 
-    /// The handle that a pane shows at a place: in a slice one that lies beside it, in the volume one that nothing hides.
+    /// The handle that a pane shows at a place, the nearest to the slice first; in the volume one that nothing hides.
     fn handle_at(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Id>, Error> {
         let away = |spot: &Spot| {
             let there = spot.at[pane.number()]?;
@@ -63,12 +65,14 @@ impl Model {
             .filter_map(|spot| Some((away(spot)?, spot)))
             .filter(|(away, _)| *away <= NEAR)
             .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let off =
+            |spot: &Spot| pane.number().checked_sub(1).map_or(0.0, |slice| spot.off[slice].abs().floor());
+        near.sort_by(|a, b| off(a.1).total_cmp(&off(b.1)).then(a.0.total_cmp(&b.0)));
         let diagonal = self.session.rest().grid().voxel_diagonal();
         let towards_eye = Vector3::from(self.lens.axes()[2]);
         for (_, spot) in near {
             let seen = match (pane.number().checked_sub(1), spot.at[pane.number()]) {
-                (Some(slice), _) => spot.off[slice].abs() <= BESIDE,
+                (Some(_), _) => spot.seen[pane.number()],
                 (None, None) => false,
                 (None, Some(there)) => self.look(pane, there)?.is_none_or(|place| {
                     (Vector3::from(place) - Vector3::from(spot.now)).dot(&towards_eye) <= BESIDE * diagonal

@@ -2,14 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{ClassRole, TransferFunction, srgb};
+use ivd_core::{ClassRole, TransferFunction, VoxelCoord, World, srgb};
 use ivd_render::{ClassLooks, Colour, Fit, Opacity, View};
 use serde_json::json;
 
 use super::Model;
 use crate::colours::Turned;
 use crate::figures::Class;
-use crate::{Error, Pane, Subject};
+use crate::{Error, Overlay, Pane, Subject};
+
+/// A mm³ (ml).
+const MILLILITRE: f64 = 1e-3;
 
 /// What is wanted of a class; `None`: as the transfer function has it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -117,6 +120,9 @@ impl Model {
         self.transfer = transfer.map(|transfer| coloured(transfer, &looks, turned)).transpose()?;
         (self.looks, self.turned) = (looks, turned);
         self.touch(&[Pane::Volume]);
+        if self.overlay == Some(Overlay::Classes) {
+            self.touch(&Pane::ALL[1..]);
+        }
         Ok(())
     }
 
@@ -127,8 +133,12 @@ impl Model {
         let classes = seen.map(|entry| {
             let look = self.looks.get(&entry.class).cloned().unwrap_or_default();
             let [red, green, blue] = entry.rgb.map(srgb::byte);
+            let known = self.subject.labels.as_ref().and_then(|labels| labels.class(entry.class));
+            let voxel = self.session.rest().grid().voxel_volume();
             Class {
                 id: entry.class,
+                name: known.and_then(|known| known.name.clone()),
+                ml: known.map(|known| known.voxels as f64 * voxel * MILLILITRE),
                 values: [entry.lower, entry.upper],
                 hidden: look.hidden,
                 opacity: look.opacity.unwrap_or(f64::from(entry.opacity)),
@@ -136,6 +146,19 @@ impl Model {
             }
         });
         classes.collect()
+    }
+
+    /// The class of the voxel that is at a place at rest (mm, RAS), where classes are known.
+    pub(super) fn class_at(&self, rest: [f64; 3]) -> Option<u16> {
+        let labels = self.subject.labels.as_ref()?;
+        let VoxelCoord(voxel) = labels.grid().voxel(World(rest.into()));
+        labels.grid().nearest_voxel(voxel).map(|voxel| labels.ids()[labels.grid().linear(voxel)])
+    }
+
+    /// What classes look like in bytes, by their numbers; none of those that aren't drawn.
+    pub(super) fn class_colours(&self) -> BTreeMap<u16, [u8; 3]> {
+        let seen = self.classes().into_iter().filter(|class| !class.hidden);
+        seen.filter_map(|class| Some((class.id, Colour(class.colour).linear()?.map(srgb::byte)))).collect()
     }
 
     /// Writes where the volume is seen from into a scene, where that was changed.

@@ -10,13 +10,15 @@ mod matter;
 mod parts;
 mod replay;
 mod rulers;
+mod spots;
 mod stroke;
 mod told;
 
 use std::time::{Duration, Instant};
 
-use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction};
-use ivd_motion::handles::{Action, Anchor, Handle, Pick, Pin, find_picks};
+use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction, Volume};
+use ivd_field::clip::ClipParams;
+use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_render::{Lens, View};
 use ivd_session::{Event, Id, MapChoice, Physics, Session, Settings, Update};
 use nalgebra::Vector3;
@@ -25,7 +27,7 @@ use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
+use crate::{Compared, Error, Overlay, Pane, Request, Subject};
 
 pub(crate) use looks::first_transfer;
 
@@ -46,6 +48,8 @@ pub struct Model {
     window: Window,
     overlay: Option<Overlay>,
     compared: Compared,
+    /// The body at rest without what planes and boxes take away, while it is shown.
+    rest: Option<(ClipParams, Volume)>,
     first_window: Window,
     /// Of the next handle (mm).
     radius: f64,
@@ -119,6 +123,7 @@ impl Model {
             window,
             overlay: None,
             compared: Compared::default(),
+            rest: None,
             first_window: window,
             radius: if largest > 0.0 { largest } else { (0.15 * side).max(f64::MIN_POSITIVE) },
             drag: None,
@@ -444,6 +449,7 @@ impl Model {
         }
         self.refused = None;
         self.carry_rulers();
+        self.clip_rest()?;
         self.find_spots()
     }
 
@@ -490,72 +496,6 @@ impl Model {
     /// The place that a pane shows (mm, RAS).
     fn look(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
         self.panes.look(pane, at, self.seen(at), self.transfer.as_ref(), &self.exec)
-    }
-
-    /// Finds where handles and pins are.
-    fn find_spots(&mut self) -> Result<(), Error> {
-        let settings = self.session.settings();
-        let lattice = self.session.lattice();
-        let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
-        let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
-            let now = self.now_at(&pick);
-            let (by, with) = match one.action {
-                Action::Move(by) => (Some(by), None),
-                Action::Force(with) => (None, Some(with)),
-            };
-            Spot {
-                id: one.id,
-                rest: pick.at,
-                now,
-                by,
-                with,
-                radius: one.radius,
-                at: [None; 4],
-                off: [0.0; 3],
-            }
-        });
-        let spots = spots.collect();
-        let picks = find_picks(lattice, "fixed vertex", settings.fixed.iter().map(|one| &one.at))?;
-        let pins = settings.fixed.iter().zip(picks).map(|(one, pick)| Spot {
-            id: one.id,
-            rest: pick.at,
-            now: self.seen_at(pick.at, pick.at),
-            by: None,
-            with: None,
-            radius: one.radius,
-            at: [None; 4],
-            off: [0.0; 3],
-        });
-        (self.pins, self.spots) = (pins.collect(), spots);
-        self.place_spots();
-        Ok(())
-    }
-
-    /// Where a vertex is seen now.
-    fn now_at(&self, pick: &Pick) -> [f64; 3] {
-        let gone = self.gone_by(pick.vertex);
-        self.seen_at(pick.at, std::array::from_fn(|a| pick.at[a] + gone[a]))
-    }
-
-    /// Where something is seen that the lattice has brought from a place to another: steps in space move voxels and no lattice, and it is voxels that are seen.
-    fn seen_at(&self, at: [f64; 3], now: [f64; 3]) -> [f64; 3] {
-        if self.session.settings().space.is_empty() { now } else { self.session.moved(at) }
-    }
-
-    /// How far a vertex has moved (mm).
-    fn gone_by(&self, vertex: usize) -> Vector3<f64> {
-        let moved = self.session.motion().and_then(|motion| motion.frames().last());
-        moved.map_or_else(Vector3::zeros, |frame| Vector3::from(frame.displacement[vertex]))
-    }
-
-    /// Finds where the panes show them.
-    fn place_spots(&mut self) {
-        let grid = self.session.rest().grid();
-        for spot in self.spots.iter_mut().chain(&mut self.pins) {
-            let place = if self.compared.shows == Shows::Rest { spot.rest } else { spot.now };
-            spot.at = self.panes.shares(grid, &self.lens, place);
-            spot.off = self.panes.planes.off(grid, place);
-        }
     }
 
     /// What is told beside the pictures.

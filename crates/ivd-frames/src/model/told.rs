@@ -68,6 +68,7 @@ impl Figures {
             largest_mm: last.largest_mm,
             min_det_j: last.min_det_j,
             behind: last.misfit,
+            left_mm: last.left_mm,
             times: [last.times.solve, last.times.map, last.times.warp],
             draw_s: 0.0,
             refused: model.refused.clone(),

@@ -68,7 +68,7 @@ fn what_is_pointed_at_at_rest_is_told_as_it_was_and_not_edited() {
         Request::Stroke { pane: Pane::Axial, from: [0.4, 0.5], to: [0.6, 0.5] },
     ] {
         let refused = model.follow(&request).unwrap_err().to_string();
-        assert!(refused.contains("at rest") && refused.contains("as it is"), "{refused}");
+        assert!(refused.contains("at rest") && refused.contains("deformed first"), "{refused}");
         assert_eq!(model.figures().undo, undo);
     }
     let hovered = follow(&mut model, &Request::Hover { pane: Pane::Volume, at }).hovered.unwrap();
@@ -101,4 +101,26 @@ fn what_is_shown_already_is_not_drawn_anew_and_a_slider_that_is_held_is_let_go_o
     let told = show(&mut model, Shows::Rest, 0.5);
     assert_eq!((told.held, told.undo.as_deref()), (None, Some("drag a new handle")));
     assert!(model.versions().iter().zip(before).all(|(now, before)| *now > before));
+}
+
+#[test]
+fn the_body_at_rest_is_clipped_as_the_other_is() {
+    let mut model = pulled();
+    show(&mut model, Shows::Rest, 0.5);
+    let whole = pictures(&model);
+    show(&mut model, Shows::Now, 0.5);
+    follow(&mut model, &Request::ClipHere { along: Pane::Sagittal });
+    show(&mut model, Shows::Rest, 0.5);
+    let clipped = pictures(&model);
+    // Half of the slices that the plane crosses is dark, and the volume is open.
+    for (i, (before, after)) in whole.iter().zip(&clipped).enumerate().filter(|(i, _)| *i != 6 && *i != 7) {
+        assert_ne!(before, after, "picture {i}");
+    }
+    // It is what a scan that never was deformed would show.
+    let mut still = common::model(BALL);
+    follow(&mut still, &Request::ClipHere { along: Pane::Sagittal });
+    assert_eq!(pictures(&still), clipped);
+    follow(&mut model, &Request::Undo);
+    show(&mut model, Shows::Rest, 0.5);
+    assert_eq!(pictures(&model), whole);
 }

@@ -2,8 +2,11 @@
 
 use ivd_core::{Exec, VoxelIndex};
 use ivd_field::shape::{Kind, Shape};
-use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request, Saved, Sight};
+use ivd_frames::{
+    ClipPart, Cuboid, Figures, HalfSpace, Lies, Model, Overlay, Pane, Request, Saved, Shows, Sight,
+};
 use ivd_map::space::Step;
+use ivd_render::Side;
 use ivd_session::Event;
 use nalgebra::Vector3;
 
@@ -261,7 +264,7 @@ fn colours_over_slices_tell_of_what_moved_and_change_nothing() {
     let rest = draw(&model);
     for of in Overlay::ALL {
         follow(&mut model, &Request::Overlay { of: Some(of) });
-        assert_eq!(draw(&model), rest, "where nothing moves there is no colour");
+        assert_eq!(draw(&model), rest, "no class is known, and where nothing moves there is no colour");
     }
     follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] });
     let voxels = model.session().deformed().clone();
@@ -272,7 +275,7 @@ fn colours_over_slices_tell_of_what_moved_and_change_nothing() {
     };
     let inverse = model.session().displacement().inverse().clone();
     let moved = |[x, y]: [usize; 2]| inverse.at(VoxelIndex([31 - x, y, 16])) != [0.0; 3];
-    for of in Overlay::ALL {
+    for of in [Overlay::Motion, Overlay::Volume] {
         let told = follow(&mut model, &Request::Overlay { of: Some(of) });
         assert_eq!(told.overlay, Some(of));
         let found = coloured(&draw(&model));
@@ -405,4 +408,73 @@ fn what_was_seen_once_is_seen_again() {
         assert!(other.follow(&Request::Show { sight: wrong }).is_err(), "{wrong:?}");
     }
     assert_eq!(other.figures().sight(), was.sight());
+}
+
+#[test]
+fn classes_lie_over_slices_in_their_colours_and_go_with_the_body() {
+    let by_classes = BALL.replace("[lattice]\niso = 127.5\n", "[segment]\nk = 3\n");
+    let mut model = model(&by_classes.replace("mode = \"iso\"\niso = 127.5\n", ""));
+    let class = model.figures().classes.last().unwrap().clone();
+    assert!(class.ml.is_some_and(|ml| ml > 0.5 && ml < 32.0_f64.powi(3) * 1e-3), "{class:?}");
+    let red =
+        Request::Class { class: class.id, hidden: false, opacity: None, colour: Some("#ff0000".to_owned()) };
+    follow(&mut model, &red);
+    let draw = |model: &Model| model.draw(Pane::Axial, 1, &Exec::default()).unwrap();
+    follow(&mut model, &Request::Overlay { of: Some(Overlay::Classes) });
+    let is_red = |model: &Model| {
+        let image = draw(model);
+        let red = image.rgba().chunks_exact(4).map(|now| now[0] > now[1] && now[1] == now[2]);
+        red.collect::<Vec<_>>()
+    };
+    let at_rest = is_red(&model);
+    // What the pointer is told of is what is coloured.
+    for (i, red) in at_rest.iter().enumerate() {
+        let at = [(i % 32) as f64, (i / 32) as f64].map(|c| (c + 0.5) / 32.0);
+        let told = follow(&mut model, &Request::Hover { pane: Pane::Axial, at }).hovered.unwrap();
+        assert_eq!(told.class == Some(class.id), *red, "{at:?}");
+    }
+    assert!(at_rest.iter().filter(|red| **red).count() > 20);
+    follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, 3.0, 0.0] });
+    let now = is_red(&model);
+    assert_ne!(now, at_rest, "they go with what is pulled");
+    follow(&mut model, &Request::Compare { shows: Shows::Rest, at: 0.5 });
+    assert_eq!(is_red(&model), at_rest);
+}
+
+#[test]
+fn a_handle_is_taken_hold_of_wherever_it_is_shown() {
+    let mut model = model(BALL);
+    follow(&mut model, &Request::Radius { handle: None, radius: 5.0 });
+    follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0; 3] });
+    let told = model.figures();
+    let at = told.handles[0].at[Pane::Axial.number()].unwrap();
+    // Beside its slice it is faint, and taken hold of; where its reach ends it isn't shown, and another is made.
+    let higher = |model: &mut Model, steps| follow(model, &Request::Slice { pane: Pane::Axial, steps });
+    for (steps, seen) in [(0, true), (4, true), (4, false)] {
+        let told = higher(&mut model, steps);
+        assert_eq!(told.handles[0].seen[Pane::Axial.number()], seen, "{:?}", told.handles[0].off);
+        let grabbed = follow(&mut model, &Request::Grab { pane: Pane::Axial, at });
+        assert_eq!(grabbed.held == Some(told.handles[0].id), seen);
+        follow(&mut model, &Request::Abandon);
+        assert_eq!(model.figures().handles.len(), 1);
+    }
+    // From its side, and from the other.
+    for (side, seen) in [(Side::Front, true), (Side::Back, false), (Side::Front, true)] {
+        let told = follow(&mut model, &Request::Look { side });
+        assert_eq!(told.handles[0].seen[0], seen, "{side:?}, {:?}", told.handles[0].outward);
+    }
+}
+
+#[test]
+fn a_handle_tells_how_far_the_voxels_there_have_gone() {
+    let mut model = model(BALL);
+    let told = follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] });
+    let one = &told.handles[0];
+    let outward = one.outward;
+    assert!(outward[1] > 0.9, "{outward:?}");
+    let session = model.session();
+    let there = session.moved(one.rest);
+    assert_eq!(one.gone, std::array::from_fn(|a| there[a] - one.rest[a]));
+    let left = (0..3).map(|a| (one.gone[a] - one.by.unwrap()[a]).powi(2)).sum::<f64>().sqrt();
+    assert!(left <= told.left_mm + 1e-3 && told.left_mm < 1.0, "{left} of {}", told.left_mm);
 }

@@ -261,13 +261,15 @@ function over(context, name, number, place, scale, canvas) {
   };
   // What doesn't lie in a slice is faint there.
   const near = (spot) => { context.globalAlpha = number && Math.abs(spot.off[number - 1]) > 2 ? 0.3 : 1; };
+  // What a slice doesn't reach, and what lies on the far side, isn't shown.
+  const seen = (spot, held) => spot.seen[number] || held;
   for (const pin of shown.pins) {
-    const at = place(pin.at[number]);
+    const at = seen(pin, !number) ? place(pin.at[number]) : null;
     near(pin);
     if (at) { ring(at, 5 * unit, "#6cb6ff", 2); ring(at, pin.radius * scale, "#6cb6ff55"); }
   }
   for (const one of shown.handles) {
-    const at = place(one.at[number]);
+    const at = seen(one, shown.held === one.id) ? place(one.at[number]) : null;
     if (!at) continue;
     near(one);
     const held = shown.held === one.id || (pointed && shown.hovered?.handle === one.id);
@@ -363,7 +365,7 @@ function states(context, place, unit, canvas) {
   context.beginPath(); context.moveTo(...top); context.lineTo(...foot); context.stroke();
   const low = Math.min(foot[1], canvas.height) - 24 * unit;
   context.fillText("at rest", foot[0] - context.measureText("at rest").width - 8 * unit, low);
-  context.fillText("as it is", foot[0] + 8 * unit, low);
+  context.fillText("deformed", foot[0] + 8 * unit, low);
 }
 // The line is taken hold of from a few pixels away.
 function atLine(at, name, canvas) {
@@ -512,7 +514,10 @@ addEventListener("keydown", (event) => {
     return;
   }
   if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-  if (press?.does === "handle" && "xyz".includes(key)) { lock = lock === key ? null : key; return; }
+  if (press?.does === "handle" && "xyz".includes(key)) {
+    lock = lock === key ? null : key;
+    return soon({ do: "drag", to: named(press.at), lock }, newest);
+  }
   const tools = { t: "turn", h: "handle", p: "pin", i: "incise", m: "measure", b: "window" };
   if (tools[key]) document.querySelector(`input[name=tool][value=${tools[key]}]`).checked = true;
   const sides = { 1: "front", 3: "left", 7: "top" };

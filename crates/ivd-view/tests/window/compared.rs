@@ -30,14 +30,14 @@ fn keys_show_the_body_at_rest_and_as_it_is_again() {
         assert_named(&here);
     }
     here.harness.key_press(Key::W);
-    here.told("as it is", |told| told.compare.shows == Shows::Now);
+    here.told("deformed", |told| told.compare.shows == Shows::Now);
     here.harness.step();
     assert!(!said(&here, "Volume").contains("rest"));
     // By the menu.
     for (item, shows) in [
         ("Show the body at rest", Shows::Rest),
-        ("Show the body as it is", Shows::Now),
-        ("Divide the pictures: at rest, as it is", Shows::Both),
+        ("Show the deformed body", Shows::Now),
+        ("Divide the pictures: at rest, deformed", Shows::Both),
         ("Pictures not divided", Shows::Now),
     ] {
         here.press("View");

@@ -233,8 +233,20 @@ fn what_cannot_be_written_is_told() {
     field.set_text_value_accesskit(&nowhere.display().to_string());
     here.harness.step();
     here.press("Save");
+    // What was typed is there still.
+    here.until("why not", |here| here.has("There is no such folder"));
+    assert_eq!(here.harness.get_by_label("Path").value().as_deref(), Some(&*nowhere.display().to_string()));
+    let folder = here.folder.path().join("taken.ply");
+    std::fs::create_dir(&folder).unwrap();
+    let field = here.harness.get_by_label("Path");
+    field.focus();
+    field.set_text_value_accesskit(&folder.display().to_string());
+    here.harness.step();
+    here.press("Save");
+    here.until("asked", |here| here.has("A file of this name is there already."));
+    here.press("Replace");
     here.until("why not", |here| here.has("This could not be written"));
-    assert!(here.has("lattice.ply"));
+    assert!(here.has("taken.ply"));
 }
 
 #[test]

@@ -50,11 +50,14 @@ fn a_turn_is_recorded_and_kept_where_one_says_and_not_before() {
     here.until("it is there still", |here| here.has("pictures, not kept"));
     assert_eq!(files(), before, "nothing is written yet");
     // What can't be written is not lost.
-    for wrong in ["turn.jpg", "no such folder/turn.gif"] {
+    for (wrong, why, away) in [
+        ("turn.jpg", "This could not be written", "All right"),
+        ("no such folder/turn.gif", "There is no such folder", "Cancel"),
+    ] {
         item(&mut here, "Keep the recording …");
         keep(&mut here, &folder.path().join(wrong));
-        here.until("why not", |here| here.has("This could not be written"));
-        here.press("All right");
+        here.until("why not", |here| here.has(why));
+        here.press(away);
         here.until("it is there still", |here| here.has("pictures, not kept"));
     }
     let kept = folder.path().join("turn.png");

@@ -14,7 +14,7 @@ fn statics() -> Params {
     Params {
         solver: Solver::Projective,
         closeness: Closeness { tolerance: 1e-9, max_iterations: 5000 },
-        ..Params::default()
+        ..with_springs(Springs::default())
     }
 }
 
