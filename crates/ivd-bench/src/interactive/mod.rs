@@ -34,6 +34,8 @@ const FRAMES: [usize; 2] = [200, 40];
 const RADIUS: f64 = 25.0;
 /// Part of the radius that the handle moves at most.
 const FARTHEST: f64 = 0.125;
+/// Part of the radius that the handle of springs grips: a single vertex is drawn out of a sheet of springs as a needle.
+const GRIP: f64 = 0.2;
 /// Levels of refinement that are tried.
 const LEVELS: [u8; 5] = [0, 1, 2, 3, 4];
 /// Largest edge of a generated head (voxels), and where it is cut: between its fluid and its grey matter.
@@ -139,7 +141,7 @@ fn measured(
     let coarsest = RefineParams { target: Target::Level(LEVELS[4]).into(), ..RefineParams::default() };
     let top = outermost(&collapse(&lattice, &coarsest, exec)?.lattice)?;
     let path = path(count, FARTHEST * radius);
-    let solvers = [("ring", Physics::Ring(RingParams::default())), ("projective", projective())];
+    let solvers = [("ring", Physics::Ring(RingParams::default())), ("projective", projective(GRIP * radius))];
     exec.observer().begin("drags", (solvers.len() * LEVELS.len()) as u64);
     let mut drags = Vec::new();
     for (name, physics) in solvers {
@@ -174,8 +176,12 @@ fn measured(
     })
 }
 
-fn projective() -> Physics {
-    let params = mass_spring::Params { solver: Solver::Projective, ..mass_spring::Params::default() };
+fn projective(grip: f64) -> Physics {
+    let params = mass_spring::Params {
+        solver: Solver::Projective,
+        springs: mass_spring::Springs { grip: Some(grip), ..mass_spring::Springs::default() },
+        ..mass_spring::Params::default()
+    };
     Physics::Springs(Box::new(params))
 }
 

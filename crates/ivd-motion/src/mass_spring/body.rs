@@ -29,6 +29,8 @@ pub(super) struct Body {
     pub(super) mass: Vec<f64>,
     /// Stiffness of each loose vertex's ground spring (g/s²).
     pub(super) ground: Vec<f64>,
+    /// How far the farthest neighbour of each loose vertex is, along an edge (mm).
+    pub(super) neighbour: Vec<f64>,
     /// Every spring with a loose end, once.
     pub(super) list: Vec<Spring>,
     /// The same, as their forces are summed.
@@ -97,6 +99,7 @@ impl Body {
         let mass = masses(vertices[..loose].iter().map(|&v| area[v as usize]), &material, params);
         let mut list = Vec::new();
         let mut structural = vec![(0.0, 0.0); loose];
+        let mut neighbour = vec![0.0_f64; loose];
         for link in &links {
             let ends = link.ends.map(|v| number[v as usize]);
             if ends.iter().all(|&v| v == u32::MAX || v as usize >= loose) {
@@ -104,12 +107,13 @@ impl Body {
             }
             let [a, b] = ends.map(|v| material[v as usize].stiffness(link, params));
             let stiffness = if a + b > 0.0 { 2.0 * a * (b / (a + b)) } else { 0.0 };
+            let length = (rest[link.ends[1] as usize] - rest[link.ends[0] as usize]).norm();
             if link.kind == Kind::Structural {
                 for v in ends.into_iter().map(|v| v as usize).filter(|v| *v < loose) {
                     structural[v] = (structural[v].0 + stiffness, structural[v].1 + 1.0);
+                    neighbour[v] = neighbour[v].max(length);
                 }
             }
-            let length = (rest[link.ends[1] as usize] - rest[link.ends[0] as usize]).norm();
             if stiffness > 0.0 {
                 list.push(Spring { ends, length, stiffness });
             }
@@ -129,6 +133,7 @@ impl Body {
             loose,
             mass,
             ground,
+            neighbour,
             springs: Springs::new(&list, &rest, loose, law),
             leading_out: list.iter().filter(|s| s.ends.iter().any(|&v| outside(v))).copied().collect(),
             list,

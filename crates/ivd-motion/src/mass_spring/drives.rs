@@ -12,8 +12,9 @@ use crate::rigid::{Rig, Skeleton};
 /// Force of 1 mN (µN).
 pub(super) const MILLINEWTON: f64 = 1e3;
 
-/// Part of its radius that a handle grips, unless it is told.
-const GRIP: f64 = 0.2;
+/// Part of its radius that a handle grips, unless it is told, and the most, where neighbours are farther.
+const GRIP: f64 = 0.1;
+const GRIP_MOST: f64 = 0.3;
 
 /// Prescribed motions and forces.
 #[derive(Debug, Clone)]
@@ -82,7 +83,10 @@ impl Drives {
             if own[..h].contains(&Some(target)) {
                 continue;
             }
-            let grip = gripped(body, target, params.springs.grip.unwrap_or(GRIP * handle.radius));
+            let own = (GRIP * handle.radius)
+                .max(body.neighbour[target] * (1.0 + 1e-9))
+                .min(GRIP_MOST * handle.radius);
+            let grip = gripped(body, target, params.springs.grip.unwrap_or(own));
             match handle.action {
                 Action::Move(_) => {
                     for (v, hold) in grip {

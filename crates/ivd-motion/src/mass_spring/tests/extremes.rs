@@ -141,7 +141,7 @@ fn a_grip_moves_a_patch_and_shares_a_force() {
 }
 
 #[test]
-fn a_handle_grips_a_fifth_of_its_radius_of_what_is_joined_to_it_there() {
+fn a_handle_grips_a_tenth_of_its_radius_and_its_neighbours() {
     for params in solvers() {
         let by = [0.05, 0.0, 0.1];
         let goes = |radius: f64, grip| {
@@ -149,9 +149,11 @@ fn a_handle_grips_a_fifth_of_its_radius_of_what_is_joined_to_it_there() {
             let solved = run(&sheet(25), &[moved(312, by, radius)], &[], &params).unwrap();
             last(&solved).iter().filter(|u| **u == by).count()
         };
-        // Of a sheet whose squares are 1 mm wide: the vertices within 2 mm and their own.
-        assert_eq!([goes(10.0, None), goes(10.0, Some(0.0)), goes(4.9, None)], [9, 1, 1]);
-        assert_eq!(goes(10.0, Some(2.0)), 9);
+        // Of a sheet whose squares are 1 mm wide and halved: the vertices across a square at least, but not of a handle that
+        // reaches them hardly.
+        assert_eq!([goes(10.0, None), goes(4.8, None), goes(3.0, None)], [9, 9, 1]);
+        assert_eq!([goes(11.9, Some(2.01)), goes(11.9, Some(0.0))], [13, 1]);
+        assert_eq!(goes(20.1, None), 13, "two squares away");
     }
 }
 

@@ -117,7 +117,8 @@ fn the_other_lip_is_not_gripped() {
         let moved = drives(&body, &handle, &params).moved;
         moved.iter().map(|(v, ..)| body.vertices[*v]).collect::<Vec<_>>()
     };
-    assert_eq!(gripped(None), [31, 39, 40, 41, 49], "1.2 mm, in which the other lip is");
+    assert_eq!(gripped(Some(1.2)), [31, 39, 40, 41, 49], "the other lip is as near");
+    assert_eq!(gripped(None), [30, 31, 32, 39, 40, 41, 48, 49, 50]);
     assert!(gripped(Some(4.5)).contains(&(40 + layer as u32)), "the fold lies in this grip");
 }
 
