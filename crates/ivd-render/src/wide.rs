@@ -285,15 +285,19 @@ mod tests {
     #[test]
     fn packets_and_single_rays_give_the_same_bytes() {
         for projection in [Projection::Orthographic, Projection::Perspective] {
-            for angles in [[31.0, 12.0], [0.0, 0.0], [90.0, 45.0]] {
-                let view = View { angles, zoom: 1.4, projection, ..View::FRONT };
-                both_ways::<u8, false, false>(DIMS, 255.0, 0.9, view);
-                both_ways::<u8, true, true>(DIMS, 255.0, 0.1, view);
-                both_ways::<u16, false, true>(DIMS, 60_000.0, 0.1, view);
-                both_ways::<u16, true, false>(DIMS, 60_000.0, 0.02, view);
-                both_ways::<i16, false, false>(DIMS, 30_000.0, 0.9, view);
-                both_ways::<f32, false, true>(DIMS, 1.0, 0.3, view);
-                both_ways::<f32, true, false>(DIMS, 1.0, 0.02, view);
+            let view = |angles| View { angles, zoom: 1.4, projection, ..View::FRONT };
+            let oblique = view([31.0, 12.0]);
+            both_ways::<u8, false, false>(DIMS, 255.0, 0.9, oblique);
+            both_ways::<u8, true, true>(DIMS, 255.0, 0.1, oblique);
+            both_ways::<u16, false, true>(DIMS, 60_000.0, 0.1, oblique);
+            both_ways::<u16, true, false>(DIMS, 60_000.0, 0.02, oblique);
+            both_ways::<i16, false, false>(DIMS, 30_000.0, 0.9, oblique);
+            both_ways::<f32, false, true>(DIMS, 1.0, 0.3, oblique);
+            both_ways::<f32, true, false>(DIMS, 1.0, 0.02, oblique);
+            // Along an axis, and along the diagonal of two.
+            for along in [view([0.0, 0.0]), view([90.0, 45.0])] {
+                both_ways::<u8, true, true>(DIMS, 255.0, 0.1, along);
+                both_ways::<u16, false, true>(DIMS, 60_000.0, 0.1, along);
             }
         }
     }

@@ -393,13 +393,13 @@ mod tests {
 
     #[test]
     fn within_an_error_no_step_in_turn_is_coarser() {
-        let n = 44;
+        let n = 32;
         let exec = Exec::default();
         let gyroid = |p: [f64; 3]| {
             let (s, c) = (p.map(|v| (0.2 * v).sin()), p.map(|v| (0.2 * v).cos()));
             s[0] * c[1] + s[1] * c[2] + s[2] * c[0]
         };
-        let ball = |p: [f64; 3]| 19.0 - (p[0] - 21.6).hypot(p[1] - 21.3).hypot(p[2] - 21.9);
+        let ball = |p: [f64; 3]| 13.0 - (p[0] - 15.6).hypot(p[1] - 15.3).hypot(p[2] - 15.9);
         for (name, level) in [("gyroid", &gyroid as &dyn Fn([f64; 3]) -> f64), ("ball", &ball)] {
             let grid = Grid::with_spacing([n; 3], [1.0; 3]).unwrap();
             let voxels: Vec<f32> =

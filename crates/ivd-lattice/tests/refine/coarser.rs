@@ -44,7 +44,7 @@ fn sampled_by(lattice: &Lattice, target: Target) -> Refined {
 
 #[test]
 fn phantoms_are_closed_manifolds_within_a_tight_bound() {
-    for lattice in [lattices::sphere(32), lattices::torus(lattices::cube(32)), lattices::gyroid(28)] {
+    for lattice in [lattices::sphere(26), lattices::torus(lattices::cube(26)), lattices::gyroid(24)] {
         for level in 1..=2 {
             let out = sampled_by(&lattice, Target::Level(level));
             assert_subset(&lattice, &out);

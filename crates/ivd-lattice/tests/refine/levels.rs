@@ -145,7 +145,7 @@ fn a_count_between_two_levels_is_met_by_collapse_from_the_coarser_of_them() {
 
 #[test]
 fn phantoms_keep_about_a_quarter_a_level_and_their_topology() {
-    for lattice in [lattices::sphere(32), lattices::torus(lattices::cube(32)), lattices::gyroid(24)] {
+    for lattice in [lattices::sphere(26), lattices::torus(lattices::cube(26)), lattices::gyroid(20)] {
         for level in 1..=3 {
             let out = levels(&lattice, Target::Level(level));
             assert_subset(&lattice, &out);

@@ -25,7 +25,7 @@ fn clustered(lattice: &Lattice, target: Target) -> Refined {
 }
 
 fn phantoms() -> [Lattice; 4] {
-    [lattices::sphere(28), lattices::torus(lattices::cube(32)), lattices::gyroid(24), lattices::shell(24)]
+    [lattices::sphere(22), lattices::torus(lattices::cube(24)), lattices::gyroid(20), lattices::shell(20)]
 }
 
 #[test]

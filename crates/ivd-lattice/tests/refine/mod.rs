@@ -61,10 +61,10 @@ pub(crate) fn assert_bounded(input: &Lattice, out: &Refined) {
 /// Phantoms stay closed and of their genus, within the bound.
 pub(crate) fn assert_phantoms(refined: impl Fn(&Lattice, Target) -> Refined) {
     let lattices = [
-        lattices::sphere(32),
-        lattices::torus(lattices::cube(32)),
-        lattices::gyroid(32),
-        lattices::shell(32),
+        lattices::sphere(26),
+        lattices::torus(lattices::cube(26)),
+        lattices::gyroid(26),
+        lattices::shell(26),
     ];
     for lattice in &lattices {
         for target in [Target::Ratio(0.5), Target::Ratio(0.1), Target::Level(3)] {

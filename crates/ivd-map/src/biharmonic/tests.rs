@@ -461,7 +461,7 @@ fn free_part_moves_alone_and_leaves_background() {
 fn motions_that_no_vector_holds_and_cancelled_work_end_with_a_reason() {
     let grid = Grid::with_spacing([12; 3], [1.0; 3]).unwrap();
     let centre = middle(&grid);
-    for far in [1e3, 1e20, 1e36, 1e38, 1e200] {
+    for far in [1e3, 1e36, 1e38] {
         let moves = |p: Vector3<f64>| Vector3::new(if p.x > centre.x { far } else { 0.0 }, 0.0, 0.0);
         let part = scene(&grid, ball(centre, 4.0), moves, &[(centre, 5.0)]);
         match part.smooth(&smooth(), &Exec::default()) {
