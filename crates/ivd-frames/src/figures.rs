@@ -29,8 +29,8 @@ pub struct Spot {
     pub at: [Option<[f64; 2]>; 4],
     /// How many slices it lies before or behind each slice.
     pub off: [f64; 3],
-    /// How far the voxels about it have gone (mm): less than the vertex where more would fold.
-    pub gone: [f64; 3],
+    /// How far the voxels about it have gone (mm): less than the vertex where more would fold. Not told where free forms or steps in space move them as well.
+    pub gone: Option<[f64; 3]>,
     /// Whether each pane shows it: a slice that it reaches, the volume from its side.
     pub seen: [bool; 4],
     /// Out of the surface there, of length 1; 0 where it has no side.

@@ -386,7 +386,7 @@ impl SurfaceFit {
     pub(super) fn check(&self, tolerance: f64, most: f64, edge: f64) -> Result<(), Error> {
         const REMEDY: &str = "move the handle less, give it a larger radius, or raise the tolerance";
         let (far, at) = (self.misfit_max_mm, self.misfit_max_at_mm.unwrap_or_default());
-        if self.misfit > tolerance {
+        if self.misfit.is_nan() || self.misfit > tolerance {
             return Err(Error::Untrusted {
                 what: "the map",
                 problem: format!(
@@ -494,7 +494,8 @@ pub(super) fn most_left(
     let left = |(v, want): (usize, &[f64; 3])| {
         let at = lattice.voxel(v).0;
         let counts = motion.role(v).constrains() && (*want != [0.0; 3] || region.holds(linear * at));
-        if counts { (linear * sampler.at(at) - Vector3::from(*want)).norm() } else { 0.0 }
+        let far = if counts { (linear * sampler.at(at) - Vector3::from(*want)).norm() } else { 0.0 };
+        if far.is_nan() { f64::INFINITY } else { far }
     };
     frame.displacement.par_iter().enumerate().map(left).reduce(|| 0.0, f64::max)
 }

@@ -23,7 +23,8 @@ impl Window {
 
     fn class(&mut self, ui: &mut Ui, class: &Class, is_pointed: bool) {
         let Class { id, name, ml, values: [low, high], hidden, opacity, colour } = class;
-        ui.spacing_mut().slider_width = 70.0;
+        ui.spacing_mut().slider_width = 44.0;
+        ui.spacing_mut().item_spacing.x = 5.0;
         let mut is_seen = !hidden;
         let named = name.as_ref().map_or_else(|| format!("Class {id}"), |name| format!("Class {id}: {name}"));
         let text = RichText::new(named);

@@ -37,12 +37,12 @@ pub(crate) enum Dialog {
 }
 
 /// What was found of a path before it is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Was {
     /// Nothing yet.
     New,
-    /// A file is there, which may be replaced.
-    There,
+    /// This file is there, which may be replaced.
+    There(PathBuf),
     /// Its folder isn't there.
     Nowhere,
 }
@@ -95,7 +95,9 @@ impl Window {
                 self.ask_for(Purpose::Keep(Keeps::Asked(what)), context);
             }
             Dialog::Keep { what, path, was } => {
-                self.keep(what, PathBuf::from(path.trim()), was == Was::There, context);
+                let path = PathBuf::from(path.trim());
+                let replace = was == Was::There(path.clone());
+                self.keep(what, path, replace, context);
             }
             Dialog::Unsaved(then) => {
                 self.ask_for(Purpose::Keep(Keeps::Asked(Saved::Scene)), context);
@@ -181,7 +183,7 @@ impl Window {
         let is_folder = |folder: &Path| folder.as_os_str().is_empty() || folder.is_dir();
         let was = match path.parent() {
             Some(folder) if !is_folder(folder) => Some(Was::Nowhere),
-            _ if path.exists() && !replace => Some(Was::There),
+            _ if path.exists() && !replace => Some(Was::There(path.clone())),
             _ => None,
         };
         if let Some(was) = was {
@@ -212,7 +214,7 @@ impl Dialog {
         match self {
             Self::Open { .. } => 0,
             Self::Keep { was: Was::New, .. } => 1,
-            Self::Keep { was: Was::There, .. } => 2,
+            Self::Keep { was: Was::There(_), .. } => 2,
             Self::Keep { was: Was::Nowhere, .. } => 10,
             Self::Unsaved(_) => 3,
             Self::Recover { .. } => 4,
@@ -250,10 +252,11 @@ impl Dialog {
                 ui.heading(format!("Save {}", what.word()));
                 match was {
                     Was::New => {}
-                    Was::There => _ = ui.label("A file of this name is there already."),
+                    Was::There(_) => _ = ui.label("A file of this name is there already."),
                     Was::Nowhere => _ = ui.label("There is no such folder: choose one that is there."),
                 }
-                let is_there = *was == Was::There;
+                // Another path is asked about anew.
+                let is_there = *was == Was::There(PathBuf::from(path.trim()));
                 typed(ui, path, "Path", if is_there { "Replace" } else { "Save" }, is_there)
             }
             Self::Unsaved(_) => {

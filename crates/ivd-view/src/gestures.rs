@@ -163,7 +163,8 @@ impl Hands {
     /// Keeps what is held to an axis, or no longer, from where it is at once.
     pub(crate) fn keep_to(&mut self, axis: Axis) -> Option<Request> {
         self.lock = if self.lock == Some(axis) { None } else { Some(axis) };
-        let press = self.press.filter(|press| press.does == Does::Handle)?;
+        // What hasn't been moved yet isn't by a key.
+        let press = self.press.filter(|press| press.does == Does::Handle && press.at != press.first)?;
         Some(Request::Drag { to: within(press.at), lock: self.lock })
     }
 
@@ -243,8 +244,9 @@ mod tests {
         let mut hands = Hands::default();
         let grab = hands.pressed(Pane::Axial, [0.5; 2], Button::Left, false, Tool::Handle);
         assert!(matches!(grab, Some(Request::Grab { .. })));
-        assert_eq!(hands.keep_to(Axis::Y), Some(Request::Drag { to: [0.5; 2], lock: Some(Axis::Y) }));
+        assert_eq!(hands.keep_to(Axis::Y), None, "it isn't moved yet");
         assert_eq!(hands.moved([0.6, 9.0]), Some(Request::Drag { to: [0.6, 2.0], lock: Some(Axis::Y) }));
+        assert_eq!(hands.keep_to(Axis::Y), Some(Request::Drag { to: [0.6, 2.0], lock: None }), "at once");
         // Half steps of a smooth scroll come together.
         let wheel = |hands: &mut Hands| hands.wheel(Pane::Axial, [0.5; 2], 25.0, Tool::Handle, false);
         assert_eq!((wheel(&mut hands), wheel(&mut hands)), (None, Some(Request::Wheel { steps: 1 })));

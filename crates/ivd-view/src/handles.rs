@@ -31,9 +31,9 @@ impl Window {
         if !figures.handles.is_empty() {
             ui.weak("moved by, and reach (mm):");
         }
-        // Six columns have room in the panel, whatever their numbers.
-        ui.spacing_mut().interact_size.x = 34.0;
         Grid::new("handles").num_columns(6).spacing([3.0, 3.0]).show(ui, |ui| {
+            // Six columns have room in the panel, whatever their numbers.
+            ui.spacing_mut().interact_size.x = 34.0;
             if !figures.handles.is_empty() {
                 ui.weak("");
                 ui.weak("");
@@ -161,9 +161,9 @@ pub(crate) fn told(one: &Spot) -> Option<String> {
 
 /// How far voxels have gone (mm), where that is noticeably less than they were told to.
 fn lag(one: &Spot) -> Option<f64> {
-    let (by, gone) = (one.by?, length(one.gone));
-    let left = length(std::array::from_fn(|a| by[a] - one.gone[a]));
-    (left > (LAG[0] * length(by)).max(LAG[1])).then_some(gone)
+    let (by, gone) = (one.by?, one.gone?);
+    let left = length(std::array::from_fn(|a| by[a] - gone[a]));
+    (left > (LAG[0] * length(by)).max(LAG[1])).then(|| length(gone))
 }
 
 fn length(way: [f64; 3]) -> f64 {
@@ -197,7 +197,7 @@ mod tests {
             radius: 9.0,
             at: [None; 4],
             off: [0.0; 3],
-            gone,
+            gone: Some(gone),
             seen: [true; 4],
             outward: [0.0, 1.0, 0.0],
         };

@@ -1,6 +1,6 @@
 //! Keys that hold in the whole window.
 
-use egui::{Context, Key, KeyboardShortcut, Modifiers};
+use egui::{Context, Event, Key, KeyboardShortcut, Modifiers};
 use ivd_frames::{Axis, Request, Saved, Shows, Tool};
 use ivd_render::Side;
 
@@ -75,7 +75,10 @@ impl Window {
         }
         if self.hands.hold() {
             for (key, axis) in [(Key::X, Axis::X), (Key::Y, Axis::Y), (Key::Z, Axis::Z)] {
-                if pressed(key) {
+                // Not as often as a key that is held repeats.
+                let is_new = |event: &Event| matches!(event, Event::Key { key: it, pressed: true, repeat: false, .. } if *it == key);
+                let is_new = context.input(|input| input.events.iter().any(is_new));
+                if pressed(key) && is_new {
                     let asked = self.hands.keep_to(axis);
                     self.ask_all(asked);
                 }

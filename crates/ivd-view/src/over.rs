@@ -278,7 +278,9 @@ impl Over<'_> {
                 break;
             }
             let colour = Color32::from_hex(&class.colour).unwrap_or(TEXT);
-            self.painter.rect_filled(Rect::from_min_size(at, vec2(10.0, 10.0)), 2.0, colour);
+            let chip = Rect::from_min_size(at, vec2(10.0, 10.0));
+            self.painter.rect_filled(chip, 2.0, colour);
+            self.painter.rect_stroke(chip, 2.0, Stroke::new(1.0, FAINT), egui::StrokeKind::Inside);
             self.write(at + vec2(13.0, 5.0), Align2::LEFT_CENTER, class.id, LETTERS, TEXT);
             at.x += CHIP;
         }

@@ -26,7 +26,12 @@ impl Window {
                 ui.weak(NOTICE);
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                     if let Some(warning) = self.shown.figures().and_then(warned) {
-                        ui.colored_label(ui.visuals().warn_fg_color, warning);
+                        let text = egui::RichText::new(&warning).color(ui.visuals().warn_fg_color);
+                        // Half of the line at most: the value under the pointer has its place.
+                        ui.scope(|ui| {
+                            ui.set_max_width(0.6 * ui.available_width());
+                            ui.add(egui::Label::new(text).truncate()).on_hover_text(warning);
+                        });
                     }
                     let text =
                         [works, self.records(), self.under_the_pointer(), self.shown.figures().map(told)];
@@ -125,13 +130,14 @@ fn told(figures: &Figures) -> String {
 
 /// What is to be known before what is seen is trusted.
 fn warned(figures: &Figures) -> Option<String> {
-    let squeezed = (figures.min_det_j < SQUEEZED)
-        .then(|| format!("squeezed somewhere to {:.0} % of its volume", 100.0 * figures.min_det_j));
+    let smoothest = if figures.map == "octree" { " (smoothest squeezes less)" } else { "" };
+    let squeezed = (figures.min_det_j < SQUEEZED).then(|| {
+        format!("squeezed somewhere to {:.0} % of its volume{smoothest}", 100.0 * figures.min_det_j)
+    });
     let left = (figures.behind > BEHIND)
         .then(|| format!("voxels up to {:.1} mm behind the surface that is pulled", figures.left_mm));
     let told: Vec<String> = squeezed.into_iter().chain(left).collect();
-    let smoothest = if figures.map == "octree" { " (smoothest squeezes less)" } else { "" };
-    (!told.is_empty()).then(|| format!("{}{smoothest}", told.join(", ")))
+    (!told.is_empty()).then(|| told.join(", "))
 }
 
 /// What the numbers of the line mean, and what the last motion took.

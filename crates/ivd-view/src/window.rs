@@ -131,7 +131,7 @@ impl Window {
         Panel::top("bar").show(ui, |ui| self.bar(ui));
         Panel::bottom("status").show(ui, |ui| self.status(ui));
         if self.layout.side && self.work.is_some() {
-            Panel::right("side").default_size(290.0).show(ui, |ui| {
+            Panel::right("side").default_size(310.0).show(ui, |ui| {
                 // As wide as it was made by hand, whatever it holds.
                 let room = ui.available_rect_before_wrap();
                 let mut inside = ui.new_child(UiBuilder::new().max_rect(room));

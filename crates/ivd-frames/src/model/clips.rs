@@ -21,18 +21,19 @@ impl Model {
         }
     }
 
-    /// Whether the deformed volume is another in a slice than it would be if nothing clipped it.
+    /// Whether what is shown is another in a slice than it would be if nothing clipped it.
     fn is_clipped(&self, axis: usize, slice: usize) -> bool {
-        if self.session.settings().clip.parts.is_empty() || self.compared.shows == Shows::Rest {
+        if self.session.settings().clip.parts.is_empty() {
             return false;
         }
+        let [now, rest] = [Shows::Rest, Shows::Now].map(|other| self.compared.shows != other);
         let dims = self.session.rest().grid().dims();
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
         let mut voxels = (0..dims[v]).flat_map(|b| (0..dims[u]).map(move |a| [a, b]));
         voxels.any(|[a, b]| {
             let mut at = [slice; 3];
             (at[u], at[v]) = (a, b);
-            self.is_taken(at)
+            now && self.is_taken(at) || rest && self.is_taken_at_rest(at)
         })
     }
 

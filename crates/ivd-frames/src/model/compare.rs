@@ -23,8 +23,11 @@ impl Model {
         }
         let before = std::mem::replace(&mut self.compared, next);
         if before != next {
+            if let Err(error) = self.clip_rest() {
+                self.compared = before;
+                return Err(error);
+            }
             self.hovered = None;
-            self.clip_rest()?;
             self.touch(&Pane::ALL);
         }
         Ok(())
@@ -37,10 +40,12 @@ impl Model {
             self.rest = None;
             return Ok(());
         };
+        // Of both halves only the other's bricks are known to have changed.
         if self.rest.as_ref().is_none_or(|(same, _)| *same != params) {
             let clipped = clip::volume(self.session.rest(), &params, &By::default(), &self.exec)?.output;
             clipped.find_bricks(&self.exec)?;
             self.rest = Some((params, clipped));
+            self.touch(&Pane::ALL);
         }
         Ok(())
     }
@@ -133,9 +138,8 @@ impl Model {
             let at = volume.grid().world(VoxelIndex(voxel).into()).0;
             self.class_at(at.into()).and_then(|class| colours.get(&class).copied())
         };
-        let shown = self.rest.as_ref().map(|(_, clipped)| clipped);
         self.panes.planes.draw(plane, volume, self.window, |voxel, grey| match self.overlay {
-            _ if shown.is_some_and(|shown| differ(shown, volume, voxel)) => taken(grey),
+            _ if self.is_taken_at_rest(voxel) => taken(grey),
             Some(Overlay::Classes) => Overlay::Classes.over(&still, 0.0, class, voxel, grey),
             _ => [grey; 3],
         })
@@ -150,6 +154,11 @@ impl Model {
     /// Whether planes and boxes take something else than background away in a voxel.
     pub(super) fn is_taken(&self, voxel: [usize; 3]) -> bool {
         differ(self.session.deformed(), self.session.whole(), voxel)
+    }
+
+    /// The same of the body at rest.
+    pub(super) fn is_taken_at_rest(&self, voxel: [usize; 3]) -> bool {
+        self.rest.as_ref().is_some_and(|(_, clipped)| differ(clipped, self.session.rest(), voxel))
     }
 }
 

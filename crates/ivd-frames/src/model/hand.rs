@@ -74,6 +74,7 @@ impl Model {
             let seen = match (pane.number().checked_sub(1), spot.at[pane.number()]) {
                 (Some(_), _) => spot.seen[pane.number()],
                 (None, None) => false,
+                (None, Some(_)) if !spot.seen[0] => false,
                 (None, Some(there)) => self.look(pane, there)?.is_none_or(|place| {
                     (Vector3::from(place) - Vector3::from(spot.now)).dot(&towards_eye) <= BESIDE * diagonal
                 }),

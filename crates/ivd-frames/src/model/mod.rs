@@ -27,7 +27,7 @@ use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Compared, Error, Overlay, Pane, Request, Subject};
+use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
 
@@ -68,6 +68,7 @@ pub struct Model {
     along: Option<(u8, Vec<u16>)>,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
+    outward: spots::Outward,
     rulers: Vec<rulers::Places>,
     /// Number of the next of them.
     next_ruler: u32,
@@ -136,6 +137,7 @@ impl Model {
             along: None,
             spots: Vec::new(),
             pins: Vec::new(),
+            outward: spots::Outward::default(),
             rulers: Vec::new(),
             next_ruler: 0,
             versions: [1; 4],
@@ -443,13 +445,17 @@ impl Model {
             self.touch(&cut);
             self.touch(&[Pane::Volume]);
         }
-        if self.overlay.is_some() {
+        if self.overlay.is_some_and(|of| of != Overlay::Classes) {
             // Its scale goes by the longest motion.
             self.touch(&Pane::ALL[1..]);
         }
         self.refused = None;
         self.carry_rulers();
-        self.clip_rest()?;
+        if self.clip_rest().is_err() {
+            // No room for it: what is deformed is there still.
+            self.compared.shows = Shows::Now;
+            self.touch(&Pane::ALL);
+        }
         self.find_spots()
     }
 

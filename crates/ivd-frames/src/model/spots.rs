@@ -9,7 +9,27 @@ use crate::figures::Spot;
 use crate::{Error, Shows};
 
 /// A surface that is turned away from the eye by more than this (cosine) is the far side of something.
-const TURNED_AWAY: f64 = -0.2;
+const TURNED_AWAY: f64 = -0.6;
+
+/// Out of the lattice of a level at vertices.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Outward {
+    level: u8,
+    vertices: Vec<usize>,
+    ways: Vec<[f64; 3]>,
+}
+
+impl Outward {
+    /// The same where handles hold those vertices of the lattice of a level.
+    fn at(&self, level: u8, lattice: &Lattice, picks: &[Pick]) -> Self {
+        let vertices: Vec<usize> = picks.iter().map(|pick| pick.vertex).collect();
+        if (level, &vertices) == (self.level, &self.vertices) {
+            return self.clone();
+        }
+        let ways = outward(lattice, &vertices);
+        Self { level, vertices, ways }
+    }
+}
 
 impl Model {
     /// Finds where handles and pins are.
@@ -17,8 +37,10 @@ impl Model {
         let settings = self.session.settings();
         let lattice = self.session.lattice();
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
-        let outward = outward(lattice, &picks);
-        let spots = settings.handles.iter().zip(picks).zip(outward).map(|((one, pick), outward)| {
+        let alone = settings.space.is_empty() && settings.shapes.is_empty();
+        let kept = self.outward.at(settings.level, lattice, &picks);
+        let ways = kept.ways.clone();
+        let spots = settings.handles.iter().zip(picks).zip(ways).map(|((one, pick), outward)| {
             let now = self.now_at(&pick);
             let voxels = self.session.moved(pick.at);
             let (by, with) = match one.action {
@@ -34,7 +56,7 @@ impl Model {
                 radius: one.radius,
                 at: [None; 4],
                 off: [0.0; 3],
-                gone: std::array::from_fn(|a| voxels[a] - pick.at[a]),
+                gone: alone.then(|| std::array::from_fn(|a| voxels[a] - pick.at[a])),
                 seen: [false; 4],
                 outward,
             }
@@ -50,11 +72,12 @@ impl Model {
             radius: one.radius,
             at: [None; 4],
             off: [0.0; 3],
-            gone: [0.0; 3],
+            gone: None,
             seen: [false; 4],
             outward: [0.0; 3],
         });
         (self.pins, self.spots) = (pins.collect(), spots);
+        self.outward = kept;
         self.place_spots();
         Ok(())
     }
@@ -80,23 +103,36 @@ impl Model {
     pub(super) fn place_spots(&mut self) {
         let grid = self.session.rest().grid();
         let towards_eye = Vector3::from(self.lens.axes()[2]);
+        // Where it is cut open, or bones turn parts of it round, far sides may be seen.
+        let settings = self.session.settings();
+        let open = self.panes.cut.is_some()
+            || !settings.clip.parts.is_empty()
+            || !settings.space.is_empty()
+            || !settings.bones.is_empty();
         for spot in self.spots.iter_mut().chain(&mut self.pins) {
             let place = if self.compared.shows == Shows::Rest { spot.rest } else { spot.now };
             spot.at = self.panes.shares(grid, &self.lens, place);
             spot.off = self.panes.planes.off(grid, place);
             spot.seen = self.panes.planes.reached(grid, spot.off, spot.radius);
-            spot.seen[0] = Vector3::from(spot.outward).dot(&towards_eye) > TURNED_AWAY;
+            spot.seen[0] = open || Vector3::from(spot.outward).dot(&towards_eye) > TURNED_AWAY;
         }
     }
 }
 
-/// Out of a lattice at vertices: the sum of the triangles about each, which are as long as they are large.
-fn outward(lattice: &Lattice, picks: &[Pick]) -> Vec<[f64; 3]> {
+/// Out of a lattice at rest at vertices: the sum of the triangles about each, which are as long as they are large.
+fn outward(lattice: &Lattice, vertices: &[usize]) -> Vec<[f64; 3]> {
+    if vertices.is_empty() {
+        return Vec::new();
+    }
     let places = lattice.local_positions();
-    let mut sums = vec![Vector3::zeros(); picks.len()];
-    for t in lattice.triangles() {
-        for (sum, pick) in sums.iter_mut().zip(picks) {
-            if t.contains(&(pick.vertex as u32)) {
+    let mut is_asked = vec![false; places.len()];
+    for &v in vertices {
+        is_asked[v] = true;
+    }
+    let mut sums = vec![Vector3::zeros(); vertices.len()];
+    for t in lattice.triangles().iter().filter(|t| t.iter().any(|&v| is_asked[v as usize])) {
+        for (sum, vertex) in sums.iter_mut().zip(vertices) {
+            if t.contains(&(*vertex as u32)) {
                 let [a, b, c] = t.map(|v| places[v as usize]);
                 *sum += (b - a).cross(&(c - a));
             }

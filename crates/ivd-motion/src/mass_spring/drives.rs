@@ -15,6 +15,8 @@ pub(super) const MILLINEWTON: f64 = 1e3;
 /// Part of its radius that a handle grips, unless it is told, and the most, where neighbours are farther.
 const GRIP: f64 = 0.1;
 const GRIP_MOST: f64 = 0.3;
+/// How far beyond its neighbours a force's grip reaches, in their distance: at its border it has no part of the force.
+const SHARING: f64 = 1.5;
 
 /// Prescribed motions and forces.
 #[derive(Debug, Clone)]
@@ -75,33 +77,41 @@ impl Drives {
             at => Ok(at),
         });
         let own: Vec<Option<usize>> = own.collect::<Result<_, Error>>()?;
+        // Two handles on a vertex do the same, once: as far as the wider does.
+        let wider = |h: usize, other: usize| {
+            let [radius, others] = [h, other].map(|h| handles[h].radius);
+            own[h] == own[other] && (others > radius || (others == radius && other < h))
+        };
+        let once = |&h: &usize| own[h].is_some() && !(0..own.len()).any(|other| wider(h, other));
         let mut mover: Vec<Option<(f64, usize)>> = vec![None; body.loose];
-        let mut force = vec![[0.0; 3]; body.loose];
-        for (h, (handle, target)) in handles.iter().zip(&own).enumerate() {
-            let Some(target) = *target else { continue };
-            // Two handles on a vertex do the same, once.
-            if own[..h].contains(&Some(target)) {
-                continue;
-            }
-            let own = (GRIP * handle.radius)
-                .max(body.neighbour[target] * (1.0 + 1e-9))
-                .min(GRIP_MOST * handle.radius);
-            let grip = gripped(body, target, params.springs.grip.unwrap_or(own));
+        let mut pulls = Vec::new();
+        for h in (0..own.len()).filter(once) {
+            let (handle, Some(target)) = (&handles[h], own[h]) else { continue };
+            let is_pull = matches!(handle.action, Action::Force(_));
+            let near = body.neighbour[target] * if is_pull { SHARING } else { 1.0 + 1e-9 };
+            let reach = (GRIP * handle.radius).max(near).min(GRIP_MOST * handle.radius);
+            let grip = gripped(body, target, params.springs.grip.unwrap_or(reach));
             match handle.action {
                 Action::Move(_) => {
-                    for (v, hold) in grip {
+                    // What another handle has hold of itself is that one's.
+                    let is_others = |v: usize| v != target && own.contains(&Some(v));
+                    for (v, hold) in grip.into_iter().filter(|(v, _)| !is_others(*v)) {
                         if mover[v].is_none_or(|(other, _)| hold > other) {
                             mover[v] = Some((hold, h));
                         }
                     }
                 }
-                Action::Force(pull) => {
-                    let total: f64 = grip.iter().map(|(_, hold)| hold).sum();
-                    for (v, hold) in grip {
-                        for a in 0..3 {
-                            force[v][a] += pull[a] * MILLINEWTON * (hold / total);
-                        }
-                    }
+                Action::Force(pull) => pulls.push((pull, grip)),
+            }
+        }
+        // Where vertices are moved no force counts: the others of its grip share all of it.
+        let mut force = vec![[0.0; 3]; body.loose];
+        for (pull, mut grip) in pulls {
+            grip.retain(|(v, _)| mover[*v].is_none());
+            let total: f64 = grip.iter().map(|(_, hold)| hold).sum();
+            for (v, hold) in grip {
+                for a in 0..3 {
+                    force[v][a] += pull[a] * MILLINEWTON * (hold / total);
                 }
             }
         }
@@ -111,9 +121,6 @@ impl Drives {
             Some((v, by, h))
         });
         let moved: Vec<_> = moved.collect();
-        for &(v, ..) in &moved {
-            force[v] = [0.0; 3];
-        }
         let bones = Carried::new(body, skeleton);
         Ok(Self { is_moved: mover.iter().map(Option::is_some).collect(), moved, force, bones })
     }
@@ -158,8 +165,12 @@ fn gripped(body: &Body, target: usize, radius: f64) -> Vec<(usize, f64)> {
     };
     let near: Vec<(usize, f64)> = (0..body.loose).map(hold).filter(|(_, hold)| *hold > 0.0).collect();
     let place = |v: u32| near.binary_search_by_key(&(v as usize), |(v, _)| *v).ok();
+    let mut is_near = vec![false; body.vertices.len()];
+    for (v, _) in &near {
+        is_near[*v] = true;
+    }
     let mut joined = sets::singles(near.len());
-    for spring in &body.list {
+    for spring in body.list.iter().filter(|spring| spring.ends.iter().all(|&v| is_near[v as usize])) {
         if let [Some(a), Some(b)] = spring.ends.map(place) {
             sets::join(&mut joined, a as u32, b as u32);
         }

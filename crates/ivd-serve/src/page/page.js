@@ -515,7 +515,9 @@ addEventListener("keydown", (event) => {
   }
   if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
   if (press?.does === "handle" && "xyz".includes(key)) {
+    if (event.repeat) return;
     lock = lock === key ? null : key;
+    if (press.at[0] === press.first[0] && press.at[1] === press.first[1]) return;
     return soon({ do: "drag", to: named(press.at), lock }, newest);
   }
   const tools = { t: "turn", h: "handle", p: "pin", i: "incise", m: "measure", b: "window" };

@@ -154,6 +154,17 @@ fn a_handle_grips_a_tenth_of_its_radius_and_its_neighbours() {
         assert_eq!([goes(10.0, None), goes(4.8, None), goes(3.0, None)], [9, 9, 1]);
         assert_eq!([goes(11.9, Some(2.01)), goes(11.9, Some(0.0))], [13, 1]);
         assert_eq!(goes(20.1, None), 13, "two squares away");
+        // A force is shared with the neighbours, and none of it is lost beside a handle that moves.
+        let params = Params { springs: Springs { grip: None, ..params.springs.clone() }, ..params.clone() };
+        let handles = [moved(312, by, 10.0), pulled(313, [0.0, 0.0, 0.5], 10.0)];
+        let body = body(&sheet(25), &handles, &[], &params);
+        let targets = [312, 313];
+        let drives = Drives::new(&body, &handles, &targets, &[false; 625], &Skeleton::default(), &params);
+        let drives = drives.unwrap();
+        let [x, y, z] = drives.force.iter().fold([0.0; 3], |sum, f| [0, 1, 2].map(|a| sum[a] + f[a]));
+        assert!(x == 0.0 && y == 0.0 && (z - 500.0).abs() < 1e-9, "{z} µN");
+        let shares = drives.force.iter().filter(|f| f[2] > 1.0).count();
+        assert!(shares > 2 && !drives.is_moved[body.loose_vertex(313).unwrap()], "{shares}");
     }
 }
 
