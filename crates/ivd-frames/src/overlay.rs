@@ -72,11 +72,9 @@ impl Overlay {
         voxel: [usize; 3],
         grey: u8,
     ) -> [u8; 3] {
-        if is_vacated(displacement, voxel) {
-            return [grey; 3];
-        }
         let Some(scale) = self.scale(largest_mm) else {
-            return class(voxel).map_or([grey; 3], |colour| mixed(grey, colour, CLASS));
+            let is_matter = !is_vacated(displacement, voxel);
+            return tinted(grey, is_matter.then(|| class(voxel)).flatten());
         };
         let Some(value) = self.value(displacement, voxel) else { return [grey; 3] };
         // From where nothing has happened to the end of the scale.
@@ -123,8 +121,13 @@ impl Scale {
     }
 }
 
+/// A grey with the colour of its class over it, where it has one.
+pub(crate) fn tinted(grey: u8, class: Option<[u8; 3]>) -> [u8; 3] {
+    class.map_or([grey; 3], |colour| mixed(grey, colour, CLASS))
+}
+
 /// A grey with so much of a colour in it.
-pub(crate) fn mixed(grey: u8, colour: [u8; 3], weight: f64) -> [u8; 3] {
+fn mixed(grey: u8, colour: [u8; 3], weight: f64) -> [u8; 3] {
     colour.map(|c| (f64::from(grey) * (1.0 - weight) + f64::from(c) * weight).round() as u8)
 }
 

@@ -45,7 +45,8 @@ impl Settle<'_> {
         let misfit = outcome::misfit(self.lattice, self.motion, &proven.field, self.frame);
         let left_mm = outcome::most_left(self.lattice, self.motion, &proven.field, self.frame, self.region);
         // The whole fit is measured only where it may refuse.
-        if !exec.skip || misfit.is_nan() || misfit > self.band.tolerance || left_mm > self.may_be_left() {
+        let follows = misfit <= self.band.tolerance && left_mm <= self.may_be_left();
+        if !exec.skip || !follows {
             self.check(&self.fit(&proven.field))?;
         }
         let (relaxations, halvings) = (proven.rounds, proven.halvings);

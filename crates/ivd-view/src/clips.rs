@@ -3,6 +3,7 @@
 use egui::{DragValue, Ui};
 use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Pane, Request};
 
+use crate::handles::length;
 use crate::over::name;
 use crate::side::{Scale, list, slider};
 use crate::window::Window;
@@ -139,8 +140,7 @@ impl Window {
 }
 
 fn unit(way: [f64; 3]) -> [f64; 3] {
-    let length = way.iter().map(|c| c * c).sum::<f64>().sqrt();
-    way.map(|c| c / length.max(f64::MIN_POSITIVE))
+    way.map(|c| c / length(way).max(f64::MIN_POSITIVE))
 }
 
 /// The side that a direction goes to most: of the patient, where it is known how they lie.

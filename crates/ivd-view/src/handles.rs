@@ -166,7 +166,8 @@ fn lag(one: &Spot) -> Option<f64> {
     (left > (LAG[0] * length(by)).max(LAG[1])).then(|| length(gone))
 }
 
-fn length(way: [f64; 3]) -> f64 {
+/// How long a way is.
+pub(crate) fn length(way: [f64; 3]) -> f64 {
     way.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
 

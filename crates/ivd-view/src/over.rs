@@ -103,7 +103,7 @@ impl Over<'_> {
     fn spots(&self, figures: &Figures) {
         let number = self.pane.number();
         let Some(scale) = self.scale() else { return };
-        for pin in figures.pins.iter().filter(|pin| pin.seen[number] || number == 0) {
+        for pin in figures.pins.iter().filter(|pin| pin.seen[number]) {
             let Some(at) = pin.at[number].map(|at| self.place(at)) else { continue };
             let colour = self.faint(pin, PIN);
             self.ring(at, 5.0, colour, 2.0);
@@ -207,11 +207,11 @@ impl Over<'_> {
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(1.5, colour));
             // Beside the line, to its right or, where that lies flat, above it.
             let along = (pair[1] - pair[0]).normalized();
-            let across =
-                vec2(along.y.abs(), if along.x * along.y > 0.0 { -1.0 } else { 1.0 } * along.x.abs());
-            let (across, align) = match across {
-                _ if along.x.abs() > along.y.abs() => (vec2(0.0, -8.0), Align2::CENTER_BOTTOM),
-                across => (8.0 * across, Align2::LEFT_CENTER),
+            let (across, align) = if along.x.abs() > along.y.abs() {
+                (vec2(0.0, -8.0), Align2::CENTER_BOTTOM)
+            } else {
+                // Square to it, to the right.
+                (8.0 * vec2(along.y.abs(), -along.x * along.y.signum()), Align2::LEFT_CENTER)
             };
             let at = pair[0] + 0.5 * (pair[1] - pair[0]) + across;
             if !faint {

@@ -144,8 +144,7 @@ fn warned(figures: &Figures) -> Option<String> {
 fn explained(figures: Option<&Figures>) -> String {
     let Some(figures) = figures else { return DET_J.to_owned() };
     let milli = |s: f64| format!("{:.0} ms", 1e3 * s);
-    let [solve, map, warp] = figures.times;
-    let took = [milli(solve), milli(map), milli(warp), milli(figures.draw_s)];
-    let [lattice, map, voxels, picture] = took;
+    let [lattice, map, voxels] = figures.times.map(milli);
+    let picture = milli(figures.draw_s);
     format!("{DET_J} It took: lattice {lattice}, map {map}, voxels {voxels}, picture {picture}.")
 }

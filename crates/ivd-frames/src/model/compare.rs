@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{Displacement, Exec, Image, Volume, VoxelIndex};
+use ivd_core::{Exec, Image, Volume, VoxelIndex};
 use ivd_field::clip::{self, By};
 use ivd_report::Plane;
 use nalgebra::Vector3;
 
 use super::Model;
 use crate::compared::divided;
+use crate::overlay::tinted;
 use crate::{Compared, Error, Overlay, Pane, Shows};
 
 /// How much of its grey what is taken away has in red, green and blue.
@@ -120,7 +121,7 @@ impl Model {
         let class = |voxel: [usize; 3]| {
             let now = grid.world(VoxelIndex(voxel).into()).0;
             let way = displacement.inverse().at(VoxelIndex(voxel)).map(f64::from);
-            self.class_at((now + Vector3::from(way)).into()).and_then(|class| colours.get(&class).copied())
+            self.class_colour((now + Vector3::from(way)).into(), &colours)
         };
         self.panes.planes.draw(plane, self.session.whole(), self.window, |voxel, grey| {
             if clips && self.is_taken(voxel) {
@@ -133,16 +134,19 @@ impl Model {
     /// Draws a slice of the body at rest: nothing has moved there, but it has its classes.
     fn slice_at_rest(&self, plane: &Plane) -> Result<Image, Error> {
         let (volume, colours) = (self.session.rest(), self.colours_over());
-        let still = Displacement::identity(volume.grid().clone());
-        let class = |voxel: [usize; 3]| {
-            let at = volume.grid().world(VoxelIndex(voxel).into()).0;
-            self.class_at(at.into()).and_then(|class| colours.get(&class).copied())
-        };
         self.panes.planes.draw(plane, volume, self.window, |voxel, grey| match self.overlay {
             _ if self.is_taken_at_rest(voxel) => taken(grey),
-            Some(Overlay::Classes) => Overlay::Classes.over(&still, 0.0, class, voxel, grey),
+            Some(Overlay::Classes) => {
+                let at = volume.grid().world(VoxelIndex(voxel).into()).0;
+                tinted(grey, self.class_colour(at.into(), &colours))
+            }
             _ => [grey; 3],
         })
+    }
+
+    /// The colour of the class at a place at rest (mm, RAS), of those that are given.
+    fn class_colour(&self, rest: [f64; 3], colours: &BTreeMap<u16, [u8; 3]>) -> Option<[u8; 3]> {
+        self.class_at(rest).and_then(|class| colours.get(&class).copied())
     }
 
     /// The colours of classes, where they lie over slices.

@@ -62,6 +62,7 @@ impl Model {
         let mut near: Vec<(f64, &Spot)> = self
             .spots
             .iter()
+            .filter(|spot| spot.seen[pane.number()])
             .filter_map(|spot| Some((away(spot)?, spot)))
             .filter(|(away, _)| *away <= NEAR)
             .collect();
@@ -71,11 +72,10 @@ impl Model {
         let diagonal = self.session.rest().grid().voxel_diagonal();
         let towards_eye = Vector3::from(self.lens.axes()[2]);
         for (_, spot) in near {
-            let seen = match (pane.number().checked_sub(1), spot.at[pane.number()]) {
-                (Some(_), _) => spot.seen[pane.number()],
-                (None, None) => false,
-                (None, Some(_)) if !spot.seen[0] => false,
-                (None, Some(there)) => self.look(pane, there)?.is_none_or(|place| {
+            let seen = match spot.at[pane.number()] {
+                None => false,
+                Some(_) if pane != Pane::Volume => true,
+                Some(there) => self.look(pane, there)?.is_none_or(|place| {
                     (Vector3::from(place) - Vector3::from(spot.now)).dot(&towards_eye) <= BESIDE * diagonal
                 }),
             };

@@ -39,8 +39,7 @@ impl Model {
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
         let alone = settings.space.is_empty() && settings.shapes.is_empty();
         let kept = self.outward.at(settings.level, lattice, &picks);
-        let ways = kept.ways.clone();
-        let spots = settings.handles.iter().zip(picks).zip(ways).map(|((one, pick), outward)| {
+        let spots = settings.handles.iter().zip(picks).zip(&kept.ways).map(|((one, pick), &outward)| {
             let now = self.now_at(&pick);
             let voxels = self.session.moved(pick.at);
             let (by, with) = match one.action {
@@ -61,7 +60,7 @@ impl Model {
                 outward,
             }
         });
-        let spots = spots.collect();
+        let spots: Vec<Spot> = spots.collect();
         let picks = find_picks(lattice, "fixed vertex", settings.fixed.iter().map(|one| &one.at))?;
         let pins = settings.fixed.iter().zip(picks).map(|(one, pick)| Spot {
             id: one.id,

@@ -82,11 +82,13 @@ impl Drives {
             let [radius, others] = [h, other].map(|h| handles[h].radius);
             own[h] == own[other] && (others > radius || (others == radius && other < h))
         };
-        let once = |&h: &usize| own[h].is_some() && !(0..own.len()).any(|other| wider(h, other));
         let mut mover: Vec<Option<(f64, usize)>> = vec![None; body.loose];
         let mut pulls = Vec::new();
-        for h in (0..own.len()).filter(once) {
-            let (handle, Some(target)) = (&handles[h], own[h]) else { continue };
+        for (h, handle) in handles.iter().enumerate() {
+            let Some(target) = own[h] else { continue };
+            if (0..own.len()).any(|other| wider(h, other)) {
+                continue;
+            }
             let is_pull = matches!(handle.action, Action::Force(_));
             let near = body.neighbour[target] * if is_pull { SHARING } else { 1.0 + 1e-9 };
             let reach = (GRIP * handle.radius).max(near).min(GRIP_MOST * handle.radius);
@@ -164,19 +166,18 @@ fn gripped(body: &Body, target: usize, radius: f64) -> Vec<(usize, f64)> {
         (v, if t < 1.0 { (1.0 - t * t).powi(2) } else { 0.0 })
     };
     let near: Vec<(usize, f64)> = (0..body.loose).map(hold).filter(|(_, hold)| *hold > 0.0).collect();
-    let place = |v: u32| near.binary_search_by_key(&(v as usize), |(v, _)| *v).ok();
-    let mut is_near = vec![false; body.vertices.len()];
-    for (v, _) in &near {
-        is_near[*v] = true;
+    // Where each is among them.
+    let mut place = vec![None; body.vertices.len()];
+    for (i, (v, _)) in near.iter().enumerate() {
+        place[*v] = Some(i as u32);
     }
     let mut joined = sets::singles(near.len());
-    for spring in body.list.iter().filter(|spring| spring.ends.iter().all(|&v| is_near[v as usize])) {
-        if let [Some(a), Some(b)] = spring.ends.map(place) {
-            sets::join(&mut joined, a as u32, b as u32);
+    for spring in &body.list {
+        if let [Some(a), Some(b)] = spring.ends.map(|v| place[v as usize]) {
+            sets::join(&mut joined, a, b);
         }
     }
-    let own = place(target as u32).expect("it is nearest to itself");
-    let own = sets::root(&mut joined, own as u32);
+    let own = sets::root(&mut joined, place[target].expect("it is nearest to itself"));
     let with_it = |(i, _): &(usize, &(usize, f64))| sets::root(&mut joined, *i as u32) == own;
     near.iter().enumerate().filter(with_it).map(|(_, gripped)| *gripped).collect()
 }

@@ -262,14 +262,13 @@ function over(context, name, number, place, scale, canvas) {
   // What doesn't lie in a slice is faint there.
   const near = (spot) => { context.globalAlpha = number && Math.abs(spot.off[number - 1]) > 2 ? 0.3 : 1; };
   // What a slice doesn't reach, and what lies on the far side, isn't shown.
-  const seen = (spot, held) => spot.seen[number] || held;
   for (const pin of shown.pins) {
-    const at = seen(pin, !number) ? place(pin.at[number]) : null;
+    const at = pin.seen[number] ? place(pin.at[number]) : null;
     near(pin);
     if (at) { ring(at, 5 * unit, "#6cb6ff", 2); ring(at, pin.radius * scale, "#6cb6ff55"); }
   }
   for (const one of shown.handles) {
-    const at = seen(one, shown.held === one.id) ? place(one.at[number]) : null;
+    const at = one.seen[number] || shown.held === one.id ? place(one.at[number]) : null;
     if (!at) continue;
     near(one);
     const held = shown.held === one.id || (pointed && shown.hovered?.handle === one.id);
