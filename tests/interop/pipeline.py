@@ -7,7 +7,7 @@ For every scene of fixtures/scenes whose input is there:
 - the deformed volume lies where the input lies, read by nibabel and by SimpleITK;
 - outside the displacement field it equals the input bit for bit, inside it equals, to 1e-3 of the range, SimpleITK's own
   resampling of the input through the exported field, besides the rounding to the stored type (half a stored step);
-- four of them again on the volume as 32-bit floats, where there is no such rounding.
+- two of them again on the volume as 32-bit floats, where there is no such rounding.
 --made has what `golden.py --keep` left there, so that no scene is run twice.
 Prints `N passed, N failed`.
 """
@@ -27,7 +27,7 @@ parser.add_argument("--made", type=pathlib.Path, metavar="FOLDER")
 ARGS = parser.parse_args()
 IVD = ARGS.program.resolve()
 # Scenes that run on floats as well.
-SINGLE = ["bonsai", "mni152", "mri_brain_dicom", "tooth"]
+SINGLE = ["mri_brain_dicom", "tooth"]
 SCENES = pathlib.Path(__file__).resolve().parents[2] / "fixtures" / "scenes"
 
 
@@ -109,9 +109,13 @@ def volumes(name, scene, folder, out, temporary):
           f"{np.linalg.norm(u, axis=-1).max() / spacing:.2f} voxels")
     field.CopyInformation(before)
     warp = sitk.DisplacementFieldTransform(field)
-    dense = sitk.Resample(sitk.Cast(before, sitk.sitkFloat64), before, warp, sitk.sitkLinear, float("nan"))
-    expected = sitk.GetArrayFromImage(dense)
-    inside = moved & np.isfinite(expected)
+    # The box in which something moved: the rest was looked at above.
+    ends = [(at.min(), at.max() + 1) for at in np.nonzero(moved)]
+    box = tuple(slice(*end) for end in ends)
+    there = before[tuple(slice(int(low), int(high)) for low, high in reversed(ends))]
+    dense = sitk.Resample(sitk.Cast(before, sitk.sitkFloat64), there, warp, sitk.sitkLinear, float("nan"))
+    expected, b = sitk.GetArrayFromImage(dense), b[box]
+    inside = moved[box] & np.isfinite(expected)
     span = float(a.max()) - float(a.min())
     # The result is stored in the input's type: half a stored step (integers times the slope) is its rounding, no error.
     header = nib.load(out / "deformed.nii.gz")

@@ -28,7 +28,7 @@ done
 echo "-- label lattices"
 "$venv/bin/python" "$here/label_lattices.py" "$ivd" || status=1
 echo "-- topology"
-"$venv/bin/python" "$here/topology.py" "$ivd" --fields 60 || status=1
+"$venv/bin/python" "$here/topology.py" "$ivd" --fields 40 || status=1
 echo "-- trees"
 "$venv/bin/python" "$here/trees.py" --program "$measure" || status=1
 echo "-- mixture"

@@ -31,10 +31,10 @@ pub struct Spot {
     pub off: [f64; 3],
     /// How far the voxels about it have gone (mm): less than the vertex where more would fold. Not told where free forms or steps in space move them as well.
     pub gone: Option<[f64; 3]>,
-    /// Whether each pane shows it: a slice that it reaches, the volume from its side.
+    /// Whether each pane shows it: a slice that it reaches, the volume where what is seen before it is within its reach.
     pub seen: [bool; 4],
-    /// Out of the surface there, of length 1; 0 where it has no side.
-    pub outward: [f64; 3],
+    /// Whether it lies beside each pane's slice, or behind what the volume shows there.
+    pub beside: [bool; 4],
 }
 
 /// What lies under the pointer.
@@ -116,8 +116,8 @@ pub struct Ruler {
     pub rest_degrees: Option<f64>,
     /// Where each pane shows each place, as shares.
     pub at: Vec<[Option<[f64; 2]>; 4]>,
-    /// How many slices each place lies before or behind each slice.
-    pub off: Vec<[f64; 3]>,
+    /// Whether any of the places lies beside each pane's slice.
+    pub beside: [bool; 4],
 }
 
 /// A plane or a box that clips.
@@ -154,15 +154,19 @@ pub struct Bone {
     pub reach: f64,
     /// Where each pane shows the ends of the line that it lies along, as shares.
     pub at: [Option<[[f64; 2]; 2]>; 4],
-    /// How many slices these lie before or behind each slice; none of a bone along no line.
-    pub off: Option<[[f64; 3]; 2]>,
+    /// Whether one of these lies beside each pane's slice.
+    pub beside: [bool; 4],
 }
 
 /// A deformation that wasn't possible: what is shown is the last that was.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Refused {
-    /// Why.
+    /// Why, and what to do.
     pub why: String,
+    /// The same with its figures, where these are left out.
+    pub exactly: Option<String>,
+    /// Whether voxels that follow smoothest may come further.
+    pub smoothest: bool,
     /// How far the hand is from what it holds (mm).
     pub ahead_mm: f64,
 }

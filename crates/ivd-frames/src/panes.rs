@@ -148,12 +148,26 @@ impl Panes {
         if self.planes.plane(pane).is_some() {
             return Ok(self.planes.look(pane, at, volume.grid()));
         }
-        let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
-        if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {
-            return Ok(None);
-        }
+        Ok(self.look_at_all(&[at], volume, transfer, exec)?[0])
+    }
+
+    /// The places that the volume's pane shows at shares of it (mm, RAS).
+    pub(crate) fn look_at_all(
+        &self,
+        at: &[[f64; 2]],
+        volume: &Volume,
+        transfer: Option<&TransferFunction>,
+        exec: &Exec,
+    ) -> Result<Vec<Option<[f64; 3]>>, Error> {
         let prepared = self.prepared(volume, transfer, self.size, false, exec)?;
-        Ok(prepared.pick(self.view, pixel.map(|c| c as usize))?.map(|pick| pick.place))
+        let look = |at: &[f64; 2]| {
+            let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
+            if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {
+                return Ok(None);
+            }
+            Ok(prepared.pick(self.view, pixel.map(|c| c as usize))?.map(|pick| pick.place))
+        };
+        at.iter().map(look).collect()
     }
 
     /// Where each pane shows a place, as shares of it.

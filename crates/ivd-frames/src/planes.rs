@@ -7,8 +7,8 @@ use crate::colours::Window;
 use crate::figures::Slice;
 use crate::{Error, Pane};
 
-/// A place lies in a slice up to so many slices beside it.
-const BESIDE: f64 = 2.0;
+/// A place lies in a slice up to so many slices beside it, and isn't hidden in the volume up to so many voxels behind what is seen.
+pub(crate) const BESIDE: f64 = 2.0;
 
 /// The planes of the slices' panes, and where they meet.
 #[derive(Debug, Clone)]
@@ -79,6 +79,13 @@ impl Planes {
     pub(crate) fn off(&self, grid: &Grid, place: [f64; 3]) -> [f64; 3] {
         let VoxelCoord(voxel) = grid.voxel(World(place.into()));
         self.planes.map(|plane| voxel[plane.cut()] - self.slice(&plane, grid.dims()) as f64)
+    }
+
+    /// Which panes' slices any of the places lies beside; of the volume's pane nothing is said.
+    pub(crate) fn beside(&self, grid: &Grid, places: &[[f64; 3]]) -> [bool; 4] {
+        let off: Vec<_> = places.iter().map(|place| self.off(grid, *place)).collect();
+        let is_beside = |slice: usize| off.iter().any(|off| off[slice].abs() > BESIDE);
+        [false, is_beside(0), is_beside(1), is_beside(2)]
     }
 
     /// Which panes' slices a ball meets, or nearly: those so many voxels away, and no further than its radius (mm); of the volume's pane nothing is said.

@@ -172,6 +172,8 @@ pub enum Request {
         #[serde(default)]
         along: Option<Pane>,
     },
+    /// Brings the slices where least is left of the volume, with colours over them that tell how much.
+    ShowSqueezed,
     /// Colours over the slices.
     Overlay {
         /// What they tell of; `None` for none.

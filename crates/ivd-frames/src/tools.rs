@@ -32,7 +32,7 @@ impl Tool {
             Self::Turn => "Turn",
             Self::Handle => "Handle",
             Self::Pin => "Pin",
-            Self::Incise => "Cut open",
+            Self::Incise => "Incise",
             Self::Bone => "Bone",
             Self::Measure => "Measure",
             Self::Brightness => "Brightness",
@@ -43,7 +43,7 @@ impl Tool {
     pub fn hint(self) -> &'static str {
         match self {
             Self::Turn => "drag the volume to turn it, in a slice to move the cross hair",
-            Self::Handle => "drag from a surface in any picture; wheel on a handle: its reach",
+            Self::Handle => "drag from a surface in any picture; wheel on a handle: its radius",
             Self::Pin => "press, in any picture, on what is to stay where it is",
             Self::Incise => "draw a line over the body, in any picture",
             Self::Bone => {
@@ -79,7 +79,7 @@ pub const KEYS: [(&str, &str); 14] = [
     ),
     ("Pin", "left: hold what is there"),
     (
-        "Cut open",
+        "Incise",
         "left: draw a line over the body, in a slice or in the volume: it is cut open along it, straight away from you",
     ),
     (
@@ -87,7 +87,7 @@ pub const KEYS: [(&str, &str); 14] = [
         "left: draw a line, in a slice or between two places of the volume: its length; from an end of another line: the angle there; Esc cancels. It edits nothing",
     ),
     ("Brightness", "left: in slices brightness and contrast, in the volume its colours"),
-    ("T, H, P, I, M, B", "the tools Turn, Handle, Pin, Cut open, Measure, Brightness"),
+    ("T, H, P, I, M, B", "the tools Turn, Handle, Pin, Incise, Measure, Brightness"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
     (
         "O, W",
@@ -132,7 +132,7 @@ impl SolverName {
     /// How it is called in a window: by what the lattice follows.
     pub fn word(self) -> &'static str {
         match self {
-            Self::Ring => "rings",
+            Self::Ring => "distance alone",
             Self::Springs => "springs",
         }
     }

@@ -10,7 +10,7 @@ use crate::window::Window;
 /// By how much a field changes when the pointer is dragged over it by a point (degrees, mm).
 const SPEED: f64 = 0.1;
 /// What rings can't.
-const RINGS: &str = "Rings know no bones: choose springs, above.";
+const RINGS: &str = "Distance alone knows no bones: let the surface follow by springs.";
 /// How one is made.
 const DRAW: &str = "With the tool Bone draw a line along it, from its joint on. What of the surface lies round it moves as one, and what is within reach of that follows.";
 /// What a bone may turn about.

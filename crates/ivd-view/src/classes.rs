@@ -11,14 +11,19 @@ const ABOUT: &str = "Found by their values: what is alike is one class, whatever
 impl Window {
     /// Shows a row for each class.
     pub(crate) fn classes(&mut self, ui: &mut Ui, figures: &Figures) {
-        if figures.classes.is_empty() {
+        if figures.classes.is_empty() && figures.matter.is_empty() {
             return;
         }
         ui.heading("Classes").on_hover_text(ABOUT);
+        if !figures.classes.is_empty() {
+            ui.weak("drawn, colour, opacity, values, volume");
+        }
         let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
         for class in &figures.classes {
             ui.horizontal(|ui| self.class(ui, class, pointed == Some(class.id)));
+            self.matter_of(ui, figures, class.id);
         }
+        self.matter_of_others(ui, figures);
     }
 
     fn class(&mut self, ui: &mut Ui, class: &Class, is_pointed: bool) {

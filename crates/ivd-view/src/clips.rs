@@ -30,10 +30,10 @@ const FROM_THE_MIDDLE: [&str; 3] = ["mm right of the middle", "mm before the mid
 impl Window {
     /// Shows what clips.
     pub(crate) fn clips(&mut self, ui: &mut Ui, figures: &Figures) {
-        ui.heading("Cut away");
+        ui.heading("Clip");
         self.look_inside(ui, figures);
         ui.horizontal(|ui| {
-            ui.menu_button("Clip here", |ui| self.clip_here(ui)).response.on_hover_text(
+            ui.menu_button("Clip by a plane", |ui| self.clip_here(ui)).response.on_hover_text(
                 "A plane through the place where the slices meet; what lies on your side goes",
             );
             if ui.button("Keep a box").on_hover_text("What lies outside a box goes").clicked() {

@@ -19,9 +19,9 @@ const PLANES: [(&str, Pane, [f64; 2]); 3] = [
 impl Window {
     /// Shows the cut.
     pub(crate) fn incision(&mut self, ui: &mut Ui, figures: &Figures) {
-        ui.heading("Cut");
+        ui.heading("Incision");
         let Some(cut) = &figures.incision else {
-            ui.weak("Choose the tool Cut open, and draw a line over the body; or:");
+            ui.weak("Choose the tool Incise, and draw a line over the body; or:");
             self.cut_here(ui, figures);
             return;
         };

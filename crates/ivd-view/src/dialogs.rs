@@ -170,10 +170,14 @@ impl Window {
         });
     }
 
-    /// Where something is kept unless another place is said: where things were kept last, else beside the scan.
+    /// Where something is kept unless another place is said: where things were kept last, else where the program was started, or a person's own folder where that
+    /// is the root or the scan's. Nothing lands beside scans unasked.
     pub(crate) fn offered(&self, name: &str) -> String {
         let scan = self.work.as_ref().and_then(|work| work.scan.as_deref()).and_then(Path::parent);
-        let folder = self.layout.folder.as_deref().or(scan);
+        let started = std::env::current_dir().ok();
+        let is_fit = |folder: &PathBuf| folder.parent().is_some() && Some(folder.as_path()) != scan;
+        let folder =
+            self.layout.folder.clone().or_else(|| started.filter(is_fit)).or_else(std::env::home_dir);
         let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
         std::path::absolute(&path).unwrap_or(path).display().to_string()
     }
@@ -253,7 +257,10 @@ impl Dialog {
                 match was {
                     Was::New => {}
                     Was::There(_) => _ = ui.label("A file of this name is there already."),
-                    Was::Nowhere => _ = ui.label("There is no such folder: choose one that is there."),
+                    Was::Nowhere => {
+                        let text = "There is no such folder: choose one that is there.";
+                        ui.colored_label(ui.visuals().warn_fg_color, text);
+                    }
                 }
                 // Another path is asked about anew.
                 let is_there = *was == Was::There(PathBuf::from(path.trim()));

@@ -16,10 +16,14 @@ const SIDES: [(&str, &str); 3] = [
 ];
 /// Voxels that go less far than their vertex by more than this share of its way, and this (mm), are told of.
 const LAG: [f64; 2] = [0.05, 0.1];
+/// How far a handle goes.
+const MOVED: &str = "How far the handle takes its vertex. What lies about it may go further where springs push it aside: the largest motion stands below the pictures";
 /// Why voxels go less far.
 const BEHIND: &str = "Further on voxels would fold over one another, so they are kept back. A larger radius, a smaller move, or voxels that follow smoothest come closer";
-/// A move this straight out of the surface or into it (cosine) is called so.
-const STRAIGHT: f64 = 0.5;
+/// Where a move goes, along each axis of the patient and against it; ...
+const WAYS: [[&str; 2]; 3] = [["left", "right"], ["backwards", "forwards"], ["down", "up"]];
+/// ... an axis that it goes along by less of its length (sine of 20°) is left out.
+const ALONG: f64 = 0.34;
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -29,7 +33,7 @@ impl Window {
         ui.heading("Handles");
         self.new_handle(ui, figures);
         if !figures.handles.is_empty() {
-            ui.weak("moved by, and reach (mm):");
+            ui.weak("moved by, and radius (mm):");
         }
         Grid::new("handles").num_columns(6).spacing([3.0, 3.0]).show(ui, |ui| {
             // Six columns have room in the panel, whatever their numbers.
@@ -44,7 +48,7 @@ impl Window {
                         ui.weak(axis);
                     }
                 }
-                ui.weak("reach");
+                ui.weak("radius");
                 ui.end_row();
             }
             for one in &figures.handles {
@@ -53,14 +57,12 @@ impl Window {
             }
         });
         for one in &figures.handles {
-            let Some(told) = told(one) else { continue };
+            let Some(told) = told(one, figures.letters.is_some()) else { continue };
             let behind = lag(one).is_some();
             let text = format!("{}: {told}", one.id);
             let line =
                 if behind { ui.colored_label(ui.visuals().warn_fg_color, text) } else { ui.weak(text) };
-            if behind {
-                line.on_hover_text(BEHIND);
-            }
+            line.on_hover_text(if behind { BEHIND } else { MOVED });
         }
         for pin in &figures.pins {
             ui.horizontal(|ui| {
@@ -146,15 +148,14 @@ impl Window {
     }
 }
 
-/// How far a handle has moved its vertex, which way, and how far the voxels there have gone; `None` where it moves nothing.
-pub(crate) fn told(one: &Spot) -> Option<String> {
+/// How far a handle has moved its vertex, which way in the patient, where it is known how they lie, and how far the voxels there have gone; `None` where it moves
+/// nothing.
+pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
     let by = one.by.filter(|by| length(*by) > 0.0)?;
-    let along: f64 = (0..3).map(|a| by[a] * one.outward[a]).sum::<f64>() / length(by);
-    let way = match along {
-        _ if along > STRAIGHT => " outwards",
-        _ if along < -STRAIGHT => " inwards",
-        _ => "",
-    };
+    let mut along: Vec<usize> = (0..3).filter(|&a| is_patient && by[a].abs() > ALONG * length(by)).collect();
+    along.sort_by(|&a, &b| by[b].abs().total_cmp(&by[a].abs()));
+    let ways: Vec<&str> = along.into_iter().map(|a| WAYS[a][usize::from(by[a] > 0.0)]).collect();
+    let way = if ways.is_empty() { String::new() } else { format!(" {}", ways.join(" and ")) };
     let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
     Some(format!("{:.1} mm{way}{voxels}", length(by)))
 }
@@ -200,14 +201,17 @@ mod tests {
             off: [0.0; 3],
             gone: Some(gone),
             seen: [true; 4],
-            outward: [0.0, 1.0, 0.0],
+            beside: [false; 4],
         };
-        let said = |by, gone| told(&spot(by, gone));
-        assert_eq!(said([0.0, -5.0, 0.0], [0.0, -4.9, 0.0]).unwrap(), "5.0 mm inwards");
-        assert_eq!(said([0.0, -5.0, 0.0], [0.0, -2.7, 0.0]).unwrap(), "5.0 mm inwards, voxels there 2.7 mm");
-        assert_eq!(said([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]).unwrap(), "3.2 mm");
+        let said = |by, gone| told(&spot(by, gone), true);
+        assert_eq!(said([0.0, -5.0, 0.0], [0.0, -4.9, 0.0]).unwrap(), "5.0 mm backwards");
+        let behind = said([0.0, -5.0, 0.0], [0.0, -2.7, 0.0]).unwrap();
+        assert_eq!(behind, "5.0 mm backwards, voxels there 2.7 mm");
+        assert_eq!(said([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]).unwrap(), "3.2 mm right");
+        assert_eq!(said([-2.0, 0.1, 4.0], [-2.0, 0.1, 4.0]).unwrap(), "4.5 mm up and left");
+        assert_eq!(told(&spot([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]), false).unwrap(), "3.2 mm");
         assert_eq!(said([0.0; 3], [0.0; 3]), None);
-        assert_eq!(told(&Spot { by: None, with: Some([1.0; 3]), ..spot([0.0; 3], [0.0; 3]) }), None);
+        assert_eq!(told(&Spot { by: None, with: Some([1.0; 3]), ..spot([0.0; 3], [0.0; 3]) }, true), None);
     }
 
     #[test]

@@ -46,7 +46,7 @@ impl Wish {
 impl Window {
     /// Shows what the body is made of.
     pub(crate) fn made_of(&mut self, ui: &mut Ui, figures: &Figures) {
-        CollapsingHeader::new("Made of").show(ui, |ui| {
+        CollapsingHeader::new("Which surface was found").show(ui, |ui| {
             let made = &figures.made;
             let mut wish = self.wish.take().unwrap_or_else(|| Wish::of(made));
             ui.horizontal(|ui| {

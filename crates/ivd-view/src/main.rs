@@ -19,7 +19,7 @@ const AFTER: &str = "\
   ivd-view demo           a generated head, with a handle on its nose
   ivd-view scan.nii.gz    a scan: slices at once, the rest as soon as it is made
 
-In the window: choose Handle (H) and drag a surface in any picture; Look inside cuts the picture
+In the window: choose Handle (H) and drag a surface in any picture; Look inside (under Clip) cuts the picture
 open; Ctrl+Z undoes; File keeps a scene, which opens again here and in `ivd pipeline`; ? lists
 what hands and keys do.";
 

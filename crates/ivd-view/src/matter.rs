@@ -1,6 +1,6 @@
 //! By what the lattice follows, and how stiff classes are.
 
-use egui::{Color32, DragValue, Sense, Ui, vec2};
+use egui::{DragValue, Ui};
 use ivd_frames::{Figures, Matter, Request, SolverName};
 
 use crate::side::list;
@@ -9,12 +9,12 @@ use crate::window::Window;
 /// By how much a field changes when the pointer is dragged over it by a point (N/m).
 const SPEED: f64 = 0.5;
 /// How what is pulled takes the rest along.
-const FOLLOWS: &str = "How the surface round a handle goes along. Rings: less with its distance, as far as the radius, as stiff everywhere. Springs: all of it resists, each place as stiff as its class, which can be chosen then; voxels stay behind where they would fold";
+const FOLLOWS: &str = "How the surface round a handle goes along. Distance alone: less the further it is, as far as the radius, as stiff everywhere. Springs: all of it resists, each place as stiff as its class, which can be chosen at the classes then; voxels stay behind where they would fold";
 /// What a class's stiffness counts for.
 const CLASSES: &str = "Classes along the surface that is moved. It shows where something is pulled with a force, or where two of them lie within reach.";
 
 impl Window {
-    /// Shows by what the lattice follows, and the stiffness of classes where they may differ.
+    /// Shows by what the lattice follows.
     pub(crate) fn follows_by(&mut self, ui: &mut Ui, figures: &Figures) {
         let is = |solver: SolverName| match solver {
             SolverName::Ring => figures.solver == "ring",
@@ -23,19 +23,26 @@ impl Window {
         let now = SolverName::ALL.into_iter().find(|solver| is(*solver));
         let word = now.map_or(figures.solver, SolverName::word);
         let all = SolverName::ALL.map(|solver| (solver, solver.word()));
-        if let Some(solver) = list(ui, ["Follows by", FOLLOWS], (now, word), all) {
+        if let Some(solver) = list(ui, ["Surface follows by", FOLLOWS], (now, word), all) {
             self.ask(Request::Solver { solver });
         }
-        if !figures.knows_classes {
-            return;
-        }
-        for matter in &figures.matter {
-            let class = figures.classes.iter().find(|class| class.id == matter.class);
-            let colour = class.and_then(|class| Color32::from_hex(&class.colour).ok());
+    }
+
+    /// How stiff a class is, where that counts.
+    pub(crate) fn matter_of(&mut self, ui: &mut Ui, figures: &Figures, class: u16) {
+        let Some(matter) = figures.matter.iter().find(|matter| matter.class == class) else { return };
+        ui.horizontal(|ui| {
+            ui.add_space(18.0);
+            self.matter(ui, matter);
+        });
+    }
+
+    /// The same of classes that aren't drawn.
+    pub(crate) fn matter_of_others(&mut self, ui: &mut Ui, figures: &Figures) {
+        let is_drawn = |one: &&Matter| figures.classes.iter().any(|class| class.id == one.class);
+        for matter in figures.matter.iter().filter(|one| !is_drawn(one)) {
             ui.horizontal(|ui| {
-                // As it is drawn: what a class is is seen, not known by its number.
-                let (chip, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
-                ui.painter().rect_filled(chip, 2.0, colour.unwrap_or(Color32::TRANSPARENT));
+                ui.label(format!("class {}:", matter.class));
                 self.matter(ui, matter);
             });
         }
@@ -53,6 +60,6 @@ impl Window {
         let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
         let field = field.on_hover_text(CLASSES);
         self.turned(&field, (&full, value), || Request::Material { class: *class, stiffness: value });
-        ui.label(format!("N/m: class {class}"));
+        ui.weak("N/m stiff");
     }
 }

@@ -96,7 +96,7 @@ impl Window {
         }
         if hovers {
             let until = Some(context.input(|input| input.time) + 0.3);
-            self.word = Some(Word { text: "Let go to open it.".to_owned(), until, is_problem: false });
+            self.word = Some(Word { until, ..Word::of("Let go to open it.".to_owned()) });
             context.request_repaint_after_secs(0.3);
         }
     }

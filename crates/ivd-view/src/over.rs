@@ -17,8 +17,6 @@ const RULER: Color32 = Color32::from_rgb(190, 240, 110);
 const REST: Color32 = Color32::from_rgb(240, 160, 220);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
 const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
-/// Slices from which on a handle is faint in a slice.
-const BESIDE: f64 = 2.0;
 /// Of what is written over pictures (points).
 const LETTERS: f32 = 13.0;
 /// Where letters stand along the edges (points).
@@ -94,10 +92,9 @@ impl Over<'_> {
         self.painter.circle_stroke(at, radius.max(1.0), Stroke::new(width, colour));
     }
 
-    /// What doesn't lie in a slice is faint there.
+    /// What doesn't lie in a slice, or is hidden in the volume, is faint there.
     fn faint(&self, spot: &Spot, colour: Color32) -> Color32 {
-        let off = self.pane.number().checked_sub(1).map_or(0.0, |slice| spot.off[slice].abs());
-        if off > BESIDE { colour.gamma_multiply(0.3) } else { colour }
+        if spot.beside[self.pane.number()] { colour.gamma_multiply(0.4) } else { colour }
     }
 
     fn spots(&self, figures: &Figures) {
@@ -119,7 +116,7 @@ impl Over<'_> {
             if held {
                 self.ring(at, one.radius as f32 * scale, colour.gamma_multiply(0.55), 1.0);
             }
-            let moved = told(one).filter(|_| figures.held == Some(one.id));
+            let moved = told(one, figures.letters.is_some()).filter(|_| figures.held == Some(one.id));
             let text = moved.map_or_else(|| one.id.to_string(), |moved| format!("{}: {moved}", one.id));
             self.write(at + vec2(8.0, -8.0), Align2::LEFT_BOTTOM, text, LETTERS, colour);
         }
@@ -179,9 +176,7 @@ impl Over<'_> {
     fn bone(&self, bone: &Bone) {
         let number = self.pane.number();
         let Some([from, to]) = bone.at[number].map(|ends| ends.map(|end| self.place(end))) else { return };
-        let slice = number.checked_sub(1);
-        let is_beside = |off: &[f64; 3]| slice.is_some_and(|slice| off[slice].abs() > BESIDE);
-        let faint = bone.off.is_some_and(|off| off.iter().any(is_beside));
+        let faint = bone.beside[number];
         let share = if faint { 0.3 } else { 1.0 };
         self.painter.line_segment([from, to], Stroke::new(5.0, Color32::BLACK.gamma_multiply(0.6 * share)));
         self.painter.line_segment([from, to], Stroke::new(3.0, BONE.gamma_multiply(share)));
@@ -195,9 +190,8 @@ impl Over<'_> {
     /// A ruler with its lengths, and its angle where it has one.
     fn ruler(&self, figures: &Figures, ruler: &Ruler) {
         let number = self.pane.number();
-        let is_beside = |off: &[f64; 3]| number.checked_sub(1).is_some_and(|slice| off[slice].abs() > BESIDE);
         // What doesn't lie in a slice is faint there, without its numbers.
-        let faint = ruler.off.iter().any(is_beside);
+        let faint = ruler.beside[number];
         let colour = if faint { RULER.gamma_multiply(0.3) } else { RULER };
         let ends: Option<Vec<Pos2>> = ruler.at.iter().map(|at| Some(self.place(at[number]?))).collect();
         let Some(ends) = ends else { return };

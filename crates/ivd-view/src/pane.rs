@@ -58,7 +58,7 @@ impl Window {
             }
             return;
         };
-        let room = fitted(rect, ratio);
+        let room = self.room(pane, rect, ratio);
         if let Some(texture) = self.shown.texture(pane) {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
             painter.image(texture.id(), room, whole, Color32::WHITE);
@@ -82,6 +82,26 @@ impl Window {
         }
         if response.double_clicked() && self.tool == Tool::Turn {
             self.layout.alone = if self.layout.alone.is_some() { None } else { Some(pane) };
+        }
+    }
+
+    /// Where a pane's picture lies in it; slices beside one another show a mm by as much.
+    pub(crate) fn room(&self, pane: Pane, rect: Rect, ratio: f32) -> Rect {
+        let room = fitted(rect, ratio);
+        let (Some(slice), Some(slices), None) =
+            (pane.number().checked_sub(1), self.shown.slices(), self.layout.alone)
+        else {
+            return room;
+        };
+        let scale = |[wide, high]: [f64; 2]| {
+            (f64::from(rect.width()) / wide).min(f64::from(rect.height()) / high) as f32
+        };
+        let all = slices.iter().map(|slice| scale(slice.extent_mm)).fold(f32::INFINITY, f32::min);
+        let own = scale(slices[slice].extent_mm);
+        if all > 0.0 && own.is_finite() {
+            Rect::from_center_size(room.center(), room.size() * (all / own))
+        } else {
+            room
         }
     }
 

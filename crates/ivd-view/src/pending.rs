@@ -121,7 +121,7 @@ mod tests {
             radius: Some(2.0),
             reach: 5.0,
             at: [None; 4],
-            off: None,
+            beside: [false; 4],
         };
         let turn = |angle, by| Request::Turn { bone: 3, pivot: [0.0; 3], axis: [0.0, 0.0, 1.0], angle, by };
         let mut pending = Pending::default();

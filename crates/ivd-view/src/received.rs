@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use egui::{Align2, Area, Color32, Context, Frame, Id, Margin, Order, vec2};
+use egui::{Align, Color32, Context, Label, Layout, RichText, Ui, vec2};
 use ivd_core::{Classified as _, ErrorClass};
-use ivd_frames::{Figures, Saved};
+use ivd_frames::{Figures, MapName, Refused, Request, Saved};
 
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
@@ -18,12 +18,26 @@ const PROBLEM_TEXT: Color32 = Color32::from_rgb(255, 231, 207);
 const WORD: Color32 = Color32::from_rgb(28, 58, 44);
 const WORD_TEXT: Color32 = Color32::from_rgb(214, 245, 228);
 
-/// What is told for a while, over the pictures.
+/// What is told for a while.
 pub(crate) struct Word {
     pub(crate) text: String,
     /// Until then, once it was shown (s).
     pub(crate) until: Option<f64>,
     pub(crate) is_problem: bool,
+    /// The same with its figures.
+    pub(crate) exactly: Option<String>,
+    /// Whether voxels that follow smoothest may come further.
+    pub(crate) smoothest: bool,
+}
+
+impl Word {
+    fn problem(text: String) -> Self {
+        Self { is_problem: true, ..Self::of(text) }
+    }
+
+    pub(crate) fn of(text: String) -> Self {
+        Self { text, until: None, is_problem: false, exactly: None, smoothest: false }
+    }
 }
 
 impl Window {
@@ -33,12 +47,12 @@ impl Window {
 
     /// Tells that something wasn't done, for a while.
     pub(crate) fn complain(&mut self, text: String) {
-        self.word = Some(Word { text, until: None, is_problem: true });
+        self.word = Some(Word::problem(text));
     }
 
     /// Tells something for a while.
     pub(crate) fn say(&mut self, text: String) {
-        self.word = Some(Word { text, until: None, is_problem: false });
+        self.word = Some(Word::of(text));
     }
 
     /// Takes what the service gave.
@@ -67,9 +81,9 @@ impl Window {
                     "Level {level} is no coarser than level {was}: {vertices} vertices are left."
                 ));
             }
-            if let Some(why) = refusal(&frame.figures) {
+            if let Some(word) = refusal(&frame.figures) {
                 // It can be read after the hand has let go.
-                self.complain(why);
+                self.word = Some(word);
             }
             self.shown.frame(frame, context);
         }
@@ -140,36 +154,46 @@ impl Window {
         }
     }
 
-    /// Tells what was done, or why it wasn't, over the pictures: nothing changes its size.
-    pub(crate) fn words(&mut self, context: &Context) {
-        let now = context.input(|input| input.time);
+    /// Tells what was done, or why it wasn't, in a line that is always there: it hides nothing, and nothing changes its size.
+    pub(crate) fn words(&mut self, ui: &mut Ui) {
+        let now = ui.input(|input| input.time);
         if let Some(word) = &mut self.word {
             let until = *word.until.get_or_insert(now + TOLD);
             if now >= until {
                 self.word = None;
             } else {
-                context.request_repaint_after_secs((until - now) as f32);
+                ui.ctx().request_repaint_after_secs((until - now) as f32);
             }
         }
-        let refused = self.shown.figures().and_then(refusal).map(|text| (text, true));
-        let word = || self.word.as_ref().map(|word| (word.text.clone(), word.is_problem));
-        let Some((text, is_problem)) = refused.or_else(word) else { return };
-        let (ground, colour) = if is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
-        let area = Area::new(Id::unique("problem")).order(Order::Middle).interactable(false);
-        area.anchor(Align2::CENTER_TOP, vec2(0.0, 34.0)).show(context, |ui| {
-            Frame::new().fill(ground).inner_margin(Margin::symmetric(10, 5)).show(ui, |ui| {
-                ui.set_max_width(0.7 * ui.ctx().content_rect().width());
-                ui.colored_label(colour, text);
+        let refused = self.shown.figures().and_then(refusal);
+        let Some(word) = refused.as_ref().or(self.word.as_ref()) else { return };
+        let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
+        ui.painter().rect_filled(ui.max_rect().expand2(vec2(8.0, 2.0)), 0.0, ground);
+        let (text, exactly, smoothest) = (word.text.clone(), word.exactly.clone(), word.smoothest);
+        let is_nearest = self.shown.figures().is_some_and(|figures| figures.depth.is_some());
+        let mut chosen = false;
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            chosen = smoothest && is_nearest && ui.button("Follow smoothest").clicked();
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                let line = ui.add(Label::new(RichText::new(&text).color(colour)).truncate());
+                line.on_hover_text(exactly.unwrap_or(text));
             });
         });
+        if chosen {
+            self.word = None;
+            self.ask(Request::Map { map: MapName::Biharmonic });
+        }
     }
 }
 
 /// Why something wasn't followed.
-fn refusal(figures: &Figures) -> Option<String> {
-    let refused = figures.refused.as_ref()?;
-    if refused.ahead_mm > 0.0 {
-        return Some(format!("The hand is {:.1} mm ahead: {}", refused.ahead_mm, refused.why));
-    }
-    Some(refused.why.clone())
+fn refusal(figures: &Figures) -> Option<Word> {
+    let Refused { why, exactly, smoothest, ahead_mm } = figures.refused.as_ref()?;
+    let ahead = if *ahead_mm > 0.0 { format!("The hand is {ahead_mm:.1} mm ahead: ") } else { String::new() };
+    Some(Word {
+        text: format!("{ahead}{why}"),
+        exactly: exactly.clone(),
+        smoothest: *smoothest,
+        ..Word::problem(String::new())
+    })
 }

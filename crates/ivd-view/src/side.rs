@@ -95,16 +95,22 @@ impl Window {
             self.turned(&response, ("Radius", radius), request);
         }
         let mut stiffness = self.value("Stiffness", figures.stiffness);
-        for response in slider(ui, "Stiffness", "N/m", &mut stiffness, 1e-2..=STIFFEST, Scale::Ratios) {
+        let unit = if figures.matter.is_empty() { "N/m" } else { "N/m, of classes without one of their own" };
+        for response in slider(ui, "Stiffness", unit, &mut stiffness, 1e-2..=STIFFEST, Scale::Ratios) {
             let request = || Request::Stiffness { stiffness };
             let response = response.on_hover_text(STIFFNESS);
             self.turned(&response, ("Stiffness", stiffness), request);
         }
         self.follows_by(ui, figures);
         let mut level = self.value("Level", f64::from(figures.level));
-        for response in
-            slider(ui, "Level", "of the lattice", &mut level, 0.0..=f64::from(LEVELS), Scale::Whole)
-        {
+        for response in slider(
+            ui,
+            "Level",
+            "of the surface: 0 is the finest",
+            &mut level,
+            0.0..=f64::from(LEVELS),
+            Scale::Whole,
+        ) {
             let request = || Request::Level { level: level.round() as u8 };
             let response = response.on_hover_text(LEVEL);
             self.turned(&response, ("Level", level), request);
@@ -126,11 +132,15 @@ impl Window {
         }
     }
 
-    /// How the motion fades with depth, where voxels follow what is nearest.
+    /// How the motion fades with depth, to be chosen where voxels follow what is nearest.
     fn fades(&mut self, ui: &mut Ui, figures: &Figures) {
-        let Some(now) = figures.depth else { return };
-        let word = WEIGHTS.iter().find(|(weight, _)| *weight == now).map_or("", |(_, word)| word);
-        if let Some(weight) = list(ui, ["Fades with depth", FADES], (Some(now), word), WEIGHTS) {
+        let word = WEIGHTS.iter().find(|(weight, _)| Some(*weight) == figures.depth).map(|(_, word)| *word);
+        let shown = (figures.depth, word.unwrap_or("as is smoothest"));
+        // Nothing else changes its place where there is nothing to choose.
+        let chosen = ui.add_enabled_ui(figures.depth.is_some(), |ui| {
+            list(ui, ["Fades with depth", FADES], shown, WEIGHTS)
+        });
+        if let Some(weight) = chosen.inner {
             self.ask(Request::Depth { weight });
         }
     }

@@ -1,15 +1,21 @@
 //! The line at the bottom: what lies under the pointer, what the last motion came to, what it took; and how opening goes on.
 
 use egui::{Align, Color32, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
-use ivd_frames::{Figures, NOTICE};
+use ivd_frames::{Figures, NOTICE, Request};
 
+use crate::handles::length;
 use crate::window::Window;
 
 /// What a figure of the line means.
-const DET_J: &str = "Largest motion: of any voxel. det J: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
+const MEANS: &str = "Largest motion: of any voxel. Volume kept: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
+
+/// What a click on a warning does.
+const WHERE: &str = "A click brings the slices where most is squeezed, with colours that tell how much.";
 
 /// Matter that may have less of its volume left is squeezed so that one sees it.
 const SQUEEZED: f64 = 0.2;
+/// What has moved less far isn't told (mm).
+const GONE: f64 = 0.05;
 /// Voxels that are left behind by more than this share of what moves them are told of.
 const BEHIND: f64 = 0.1;
 
@@ -21,6 +27,7 @@ impl Window {
             ui.ctx().request_repaint_after(self.options.soon);
         }
         let works = waits.and_then(|waits| waits.told(self.options.soon));
+        let mut squeezed = false;
         ui.horizontal(|ui| {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);
@@ -30,7 +37,9 @@ impl Window {
                         // Half of the line at most: the value under the pointer has its place.
                         ui.scope(|ui| {
                             ui.set_max_width(0.6 * ui.available_width());
-                            ui.add(egui::Label::new(text).truncate()).on_hover_text(warning);
+                            let line = egui::Label::new(text).truncate().sense(egui::Sense::click());
+                            let line = ui.add(line).on_hover_cursor(egui::CursorIcon::PointingHand);
+                            squeezed = line.on_hover_text(format!("{warning}. {WHERE}")).clicked();
                         });
                     }
                     let text =
@@ -44,16 +53,21 @@ impl Window {
                 });
             });
         });
+        if squeezed {
+            self.ask(Request::ShowSqueezed);
+        }
     }
 
     fn under_the_pointer(&self) -> Option<String> {
         let hovered = self.shown.hovered().filter(|_| self.pointed);
         let class = hovered.and_then(|hovered| hovered.class).filter(|class| *class > 0);
+        let gone = hovered.map_or(0.0, |told| length(std::array::from_fn(|a| told.place[a] - told.rest[a])));
+        let moved = if gone > GONE { format!(", moved {gone:.1} mm") } else { String::new() };
         let hovered = hovered.map(|hovered| (hovered.place, hovered.value));
         let (place, value) = hovered.or_else(|| self.shown.cross())?;
         let value = value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
         let class = class.map_or_else(String::new, |class| format!(", class {class}"));
-        Some(format!("{value} at {} mm{class}", place.map(|c| format!("{c:.1}")).join(", ")))
+        Some(format!("{value} at {} mm{class}", place.map(|c| format!("{c:.1}")).join(", ")) + &moved)
     }
 
     /// What is done while there are no frames.
@@ -123,8 +137,11 @@ fn progress(ui: &mut Ui, bar: ProgressBar) {
 /// What the last motion came to.
 fn told(figures: &Figures) -> String {
     format!(
-        "largest motion {:.2} mm · det J ≥ {:.3} · {} vertices at level {}",
-        figures.largest_mm, figures.min_det_j, figures.vertices, figures.level
+        "largest motion {:.2} mm · volume kept ≥ {:.0} % · {} vertices at level {}",
+        figures.largest_mm,
+        100.0 * figures.min_det_j,
+        figures.vertices,
+        figures.level
     )
 }
 
@@ -142,9 +159,9 @@ fn warned(figures: &Figures) -> Option<String> {
 
 /// What the numbers of the line mean, and what the last motion took.
 fn explained(figures: Option<&Figures>) -> String {
-    let Some(figures) = figures else { return DET_J.to_owned() };
+    let Some(figures) = figures else { return MEANS.to_owned() };
     let milli = |s: f64| format!("{:.0} ms", 1e3 * s);
     let [lattice, map, voxels] = figures.times.map(milli);
     let picture = milli(figures.draw_s);
-    format!("{DET_J} It took: lattice {lattice}, map {map}, voxels {voxels}, picture {picture}.")
+    format!("{MEANS} It took: lattice {lattice}, map {map}, voxels {voxels}, picture {picture}.")
 }

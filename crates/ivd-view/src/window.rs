@@ -9,7 +9,7 @@ use crate::files;
 use crate::gestures::Hands;
 use crate::layout::Layout;
 use crate::made::Wish;
-use crate::pane::{fitted, places};
+use crate::pane::places;
 use crate::pending::Pending;
 use crate::received::Word;
 use crate::record::Recording;
@@ -21,6 +21,8 @@ use crate::work::Work;
 
 /// A picture of this many pixels is drawn soon enough; more are left to the screen.
 const MOST_PIXELS: f32 = 512.0 * 512.0;
+/// Height of the line that tells what was done (points).
+const WORDS: f32 = 24.0;
 /// A pane has its new size for so long before the volume is drawn in it (s).
 const SETTLED: f64 = 0.15;
 
@@ -130,6 +132,7 @@ impl Window {
         self.keys(&context);
         Panel::top("bar").show(ui, |ui| self.bar(ui));
         Panel::bottom("status").show(ui, |ui| self.status(ui));
+        Panel::bottom("words").exact_size(WORDS).show_separator_line(false).show(ui, |ui| self.words(ui));
         if self.layout.side && self.work.is_some() {
             Panel::right("side").default_size(310.0).show(ui, |ui| {
                 // As wide as it was made by hand, whatever it holds.
@@ -142,7 +145,6 @@ impl Window {
         }
         let frame = Frame::new().fill(Color32::from_rgb(22, 24, 28)).inner_margin(Margin::same(2));
         CentralPanel::default().frame(frame).show(ui, |ui| self.pictures(ui));
-        self.words(&context);
         self.dialogs(&context);
         self.closing(&context);
         self.photographed(&context);
@@ -168,7 +170,7 @@ impl Window {
         let pointer = ui.input(|input| input.pointer.hover_pos());
         let places = places(rect, self.layout.alone);
         self.pointed = places.iter().any(|(pane, rect)| {
-            let room = self.shown.ratio(*pane).map(|ratio| fitted(*rect, ratio));
+            let room = self.shown.ratio(*pane).map(|ratio| self.room(*pane, *rect, ratio));
             room.zip(pointer).is_some_and(|(room, at)| room.contains(at))
         });
         for (pane, rect) in places {

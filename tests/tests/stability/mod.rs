@@ -11,10 +11,10 @@ mod scenes;
 mod spaces;
 mod symmetry;
 
-/// Whether a case has its turn: of each five in a row one, each time the next, so that what goes round by fives comes round too. All have
+/// Whether a case has its turn: of each eight in a row one, each time the next, so that what goes round by eights comes round too. All have
 /// where `IVD_STRESS_EVERY` is 1, as `just stress` has it; one of so many where it is more.
 fn has_its_turn(case: u64) -> bool {
-    let every = asked("IVD_STRESS_EVERY", 5);
+    let every = asked("IVD_STRESS_EVERY", 8);
     case % every == case / every % every
 }
 

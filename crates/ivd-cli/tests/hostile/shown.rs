@@ -474,8 +474,8 @@ pub(crate) fn check(group: &str) {
         ("scenes", scenes),
         ("words", words),
     ]);
-    // The text of most characters stands in every field, those of one character in every fourth, another fourth each.
-    let every = std::env::var("IVD_STRESS_EVERY").map_or(4, |text| text.parse().unwrap());
+    // The text of most characters stands in every field, those of one character in every eighth, other eighths each.
+    let every = std::env::var("IVD_STRESS_EVERY").map_or(8, |text| text.parse().unwrap());
     let of_text = |(i, text): (usize, &String)| {
         let fields = groups[group](text).into_iter().enumerate();
         fields.filter(move |(field, _)| i == 0 || (i + field) % every == 0).map(|(_, case)| case)

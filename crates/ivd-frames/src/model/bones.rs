@@ -165,7 +165,7 @@ impl Model {
             radius: told.radius,
             reach: told.reach,
             at: [0, 1, 2, 3].map(|pane| at.and_then(|[from, to]| Some([from[pane]?, to[pane]?]))),
-            off: ends.map(|ends| ends.map(|end| self.panes.planes.off(grid, end))),
+            beside: ends.map_or([false; 4], |ends| self.panes.planes.beside(grid, &ends)),
         }
     }
 }

@@ -1,11 +1,13 @@
 //! What is under the pointer, and what is held.
 
+use std::time::{Duration, Instant};
+
 use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
-use super::{Drag, Model, no_more_than, nothing_there};
-use crate::figures::{Hovered, Spot};
+use super::{Drag, Model, by_of, no_more_than, nothing_there};
+use crate::figures::{Hovered, Refused, Spot};
 use crate::panes::Across;
 use crate::planes::value_at;
 use crate::request::MOST_HANDLES;
@@ -13,8 +15,14 @@ use crate::{Axis, Error, Pane};
 
 /// A handle is taken hold of from so far away (shares of the pane).
 const NEAR: f64 = 0.025;
-/// A handle isn't hidden up to so many voxels behind what is seen.
-const BESIDE: f64 = 2.5;
+/// Less of the way to a hand that is ahead isn't tried.
+const LEAST_SHARE: f64 = 0.1;
+/// A hand that is ahead by less than so much of a voxel is where it wants to be.
+const AHEAD: f64 = 0.2;
+/// So often that is tried when it lets go.
+const TRIES: usize = 3;
+/// A window waits no longer than this and another try for what comes closer.
+const QUICK: Duration = Duration::from_secs(1);
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
 
@@ -45,7 +53,7 @@ impl Model {
             rest,
             value: value_at(volume, place),
             class: self.class_at(rest),
-            handle: self.handle_at(pane, at)?,
+            handle: self.handle_at(pane, at),
             vertex: vertex.map(|pick| pick.at),
             vertex_at: now.map_or([None; 4], |now| self.panes.shares(grid, &self.lens, now)),
             away_mm: vertex.map(|pick| pick.away()),
@@ -53,37 +61,23 @@ impl Model {
         }))
     }
 
-    /// The handle that a pane shows at a place, the nearest to the slice first; in the volume one that nothing hides.
-    fn handle_at(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Id>, Error> {
+    /// The handle that a pane shows at a place; before those that lie beside its slice, or behind what is seen, one that doesn't.
+    fn handle_at(&self, pane: Pane, at: [f64; 2]) -> Option<Id> {
         let away = |spot: &Spot| {
             let there = spot.at[pane.number()]?;
             Some((there[0] - at[0]).hypot(there[1] - at[1]))
         };
-        let mut near: Vec<(f64, &Spot)> = self
-            .spots
+        let rank = |spot: &Spot| match pane.number() {
+            0 => f64::from(u8::from(spot.beside[0])),
+            slice => spot.off[slice - 1].abs().floor(),
+        };
+        self.spots
             .iter()
             .filter(|spot| spot.seen[pane.number()])
             .filter_map(|spot| Some((away(spot)?, spot)))
             .filter(|(away, _)| *away <= NEAR)
-            .collect();
-        let off =
-            |spot: &Spot| pane.number().checked_sub(1).map_or(0.0, |slice| spot.off[slice].abs().floor());
-        near.sort_by(|a, b| off(a.1).total_cmp(&off(b.1)).then(a.0.total_cmp(&b.0)));
-        let diagonal = self.session.rest().grid().voxel_diagonal();
-        let towards_eye = Vector3::from(self.lens.axes()[2]);
-        for (_, spot) in near {
-            let seen = match spot.at[pane.number()] {
-                None => false,
-                Some(_) if pane != Pane::Volume => true,
-                Some(there) => self.look(pane, there)?.is_none_or(|place| {
-                    (Vector3::from(place) - Vector3::from(spot.now)).dot(&towards_eye) <= BESIDE * diagonal
-                }),
-            };
-            if seen {
-                return Ok(Some(spot.id));
-            }
-        }
-        Ok(None)
+            .min_by(|a, b| rank(a.1).total_cmp(&rank(b.1)).then(a.0.total_cmp(&b.0)))
+            .map(|(_, spot)| spot.id)
     }
 
     /// Takes hold of a handle, or makes one.
@@ -91,7 +85,8 @@ impl Model {
         self.let_go()?;
         self.check_seen_now("grab", &[at])?;
         let grid = self.session.rest().grid().clone();
-        let taken = self.handle_at(pane, at)?;
+        self.place_spots();
+        let taken = self.handle_at(pane, at);
         let (handle, place) = if let Some(id) = taken {
             self.session.begin("drag")?;
             let spot = self.spots.iter().find(|spot| spot.id == id);
@@ -126,7 +121,7 @@ impl Model {
             self.radius = held.radius;
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
-        self.drag = Some(Drag { handle, from: at, by, across, wanted: by });
+        self.drag = Some(Drag { handle, from: at, by, across, wanted: by, share: 0.5 });
         Ok(())
     }
 
@@ -139,7 +134,42 @@ impl Model {
         let way = lock.map_or(way, |axis| along(axis, way, right.cross(&down)));
         drag.wanted = drag.by + way;
         self.drag = Some(drag);
-        self.apply(Event::Move { handle: drag.handle, by: drag.wanted.into() })
+        let began = Instant::now();
+        self.apply(Event::Move { handle: drag.handle, by: drag.wanted.into() })?;
+        if self.refused.is_some() {
+            return if began.elapsed() < QUICK { self.come_closer() } else { Ok(()) };
+        }
+        drag.share = 0.5;
+        self.drag = Some(drag);
+        Ok(())
+    }
+
+    /// What is held comes closer to a hand that it can't follow all the way: half as far, or less where that was refused before. Why it can't stays told.
+    fn come_closer(&mut self) -> Result<(), Error> {
+        let Some((drag, refused)) = self.drag.zip(self.refused.clone()) else { return Ok(()) };
+        let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
+        let by = held.map_or(drag.wanted, |held| by_of(&held.what));
+        let least = AHEAD * self.session.rest().grid().voxel_diagonal();
+        if drag.share < LEAST_SHARE || (drag.wanted - by).norm() < least {
+            return Ok(());
+        }
+        let there = by + drag.share * (drag.wanted - by);
+        self.apply(Event::Move { handle: drag.handle, by: there.into() })?;
+        let share = if self.refused.is_none() { 0.5 } else { 0.5 * drag.share };
+        self.drag = Some(Drag { share, ..drag });
+        self.refused = Some(Refused { ahead_mm: self.ahead(), ..refused });
+        Ok(())
+    }
+
+    /// What is let go of while the hand is ahead comes as close as a few tries bring it.
+    pub(super) fn come_closest(&mut self) -> Result<(), Error> {
+        let began = Instant::now();
+        for _ in 0..TRIES {
+            if self.refused.is_some() && began.elapsed() < QUICK {
+                self.come_closer()?;
+            }
+        }
+        Ok(())
     }
 }
 

@@ -16,7 +16,7 @@ mod told;
 
 use std::time::{Duration, Instant};
 
-use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction, Volume};
+use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction, Volume, VoxelIndex};
 use ivd_field::clip::ClipParams;
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_render::{Lens, View};
@@ -25,6 +25,7 @@ use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
+use crate::overlay::most_squeezed;
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
 use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
@@ -68,7 +69,7 @@ pub struct Model {
     along: Option<(u8, Vec<u16>)>,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
-    outward: spots::Outward,
+    hidden: spots::Hidden,
     rulers: Vec<rulers::Places>,
     /// Number of the next of them.
     next_ruler: u32,
@@ -87,6 +88,8 @@ struct Drag {
     across: Across,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
+    /// Where that is refused, what share of the way there is tried; none of less than a tenth.
+    share: f64,
 }
 
 impl Model {
@@ -137,7 +140,7 @@ impl Model {
             along: None,
             spots: Vec::new(),
             pins: Vec::new(),
-            outward: spots::Outward::default(),
+            hidden: spots::Hidden::default(),
             rulers: Vec::new(),
             next_ruler: 0,
             versions: [1; 4],
@@ -257,6 +260,15 @@ impl Model {
                 self.touch(&[Pane::Volume]);
                 Ok(())
             }
+            Request::ShowSqueezed => {
+                self.overlay = Some(Overlay::Volume);
+                self.touch(&Pane::ALL[1..]);
+                if let Some(voxel) = most_squeezed(self.session.displacement()) {
+                    self.panes.planes.meet(grid.world(VoxelIndex(voxel).into()).0.into(), &grid);
+                    self.moved_cross();
+                }
+                Ok(())
+            }
             Request::Overlay { of } => {
                 self.overlay = *of;
                 self.touch(&Pane::ALL[1..]);
@@ -278,6 +290,7 @@ impl Model {
                 Ok(())
             }
             Request::Drop => {
+                self.come_closest()?;
                 (self.refused, self.hovered) = (None, None);
                 self.let_go()
             }
@@ -375,7 +388,7 @@ impl Model {
             self.session.begin(event.name())?;
         }
         if let Err(error) = self.check_cut_after(&event) {
-            self.refused = Some(Refused { why: error.to_string(), ahead_mm: self.ahead() });
+            self.refused = Some(self.refusal(error.to_string()));
             return Ok(());
         }
         let exec = self.in_time();
@@ -404,19 +417,27 @@ impl Model {
         if error.error_class() == ErrorClass::Cancelled {
             return Err(error.into());
         }
-        let why = if exec.cancel.is_late() {
+        let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
+        self.refused = Some(if exec.cancel.is_late() {
             let most = MOST_WORK.as_secs();
-            format!(
+            self.refusal(format!(
                 "it would take more than {most} s; make the radius smaller, or the lattice coarser by a higher level"
-            )
+            ))
+        } else if is_too_far(&error) && self.session.settings().space.is_empty() {
+            let remedy = if is_nearest { "let voxels follow smoothest, take" } else { "take" };
+            let why = format!(
+                "further on, voxels would fold or stay behind; {remedy} a larger radius, or move it less"
+            );
+            Refused { exactly: Some(error.to_string()), smoothest: is_nearest, ..self.refusal(why) }
         } else {
-            let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
-            let other = is_nearest && error.error_class() == ErrorClass::Untrusted;
-            let or = if other { "; or let voxels follow smoothest" } else { "" };
-            format!("{error}{or}")
-        };
-        self.refused = Some(Refused { why, ahead_mm: self.ahead() });
+            self.refusal(error.to_string())
+        });
         Ok(())
+    }
+
+    /// A refusal for a reason.
+    fn refusal(&self, why: String) -> Refused {
+        Refused { why, exactly: None, smoothest: false, ahead_mm: self.ahead() }
     }
 
     /// How far the hand is from what it holds (mm).
@@ -518,6 +539,19 @@ fn by_of(handle: &Handle) -> Vector3<f64> {
     match handle.action {
         Action::Move(by) => Vector3::from(by),
         Action::Force(_) => Vector3::zeros(),
+    }
+}
+
+/// Whether voxels can't follow a motion that far.
+fn is_too_far(error: &ivd_session::Error) -> bool {
+    use ivd_core::Error::Untrusted;
+    use ivd_session::Error::{Core, Map};
+    match error {
+        Map(ivd_map::Error::Folded { .. }) => true,
+        Core(Untrusted { what, .. }) | Map(ivd_map::Error::Core(Untrusted { what, .. })) => {
+            *what == "the map"
+        }
+        _ => false,
     }
 }
 

@@ -149,7 +149,7 @@ impl Model {
                 degrees: angle(&now),
                 rest_degrees: angle(&rest),
                 at: shown.iter().map(|place| self.panes.shares(grid, &self.lens, *place)).collect(),
-                off: shown.iter().map(|place| self.panes.planes.off(grid, *place)).collect(),
+                beside: self.panes.planes.beside(grid, &shown),
                 now,
                 rest,
             }

@@ -1,34 +1,20 @@
 //! Where handles and pins are, and which panes show them.
 
-use ivd_core::Lattice;
 use ivd_motion::handles::{Action, Pick, find_picks};
 use nalgebra::Vector3;
 
 use super::Model;
 use crate::figures::Spot;
-use crate::{Error, Shows};
+use crate::planes::BESIDE;
+use crate::{Error, Pane, Shows};
 
-/// A surface that is turned away from the eye by more than this (cosine) is the far side of something.
-const TURNED_AWAY: f64 = -0.6;
-
-/// Out of the lattice of a level at vertices.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Outward {
-    level: u8,
-    vertices: Vec<usize>,
-    ways: Vec<[f64; 3]>,
-}
-
-impl Outward {
-    /// The same where handles hold those vertices of the lattice of a level.
-    fn at(&self, level: u8, lattice: &Lattice, picks: &[Pick]) -> Self {
-        let vertices: Vec<usize> = picks.iter().map(|pick| pick.vertex).collect();
-        if (level, &vertices) == (self.level, &self.vertices) {
-            return self.clone();
-        }
-        let ways = outward(lattice, &vertices);
-        Self { level, vertices, ways }
-    }
+/// How far what the volume's picture shows lies before handles and pins.
+#[derive(Debug, Default)]
+pub(super) struct Hidden {
+    /// Version of that picture, and where they are seen in it.
+    of: (u64, Vec<Option<[f64; 2]>>),
+    /// By how much each is hidden (mm); less than 0: it lies before what is seen.
+    by: Vec<f64>,
 }
 
 impl Model {
@@ -38,8 +24,7 @@ impl Model {
         let lattice = self.session.lattice();
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
         let alone = settings.space.is_empty() && settings.shapes.is_empty();
-        let kept = self.outward.at(settings.level, lattice, &picks);
-        let spots = settings.handles.iter().zip(picks).zip(&kept.ways).map(|((one, pick), &outward)| {
+        let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
             let now = self.now_at(&pick);
             let voxels = self.session.moved(pick.at);
             let (by, with) = match one.action {
@@ -57,7 +42,7 @@ impl Model {
                 off: [0.0; 3],
                 gone: alone.then(|| std::array::from_fn(|a| voxels[a] - pick.at[a])),
                 seen: [false; 4],
-                outward,
+                beside: [false; 4],
             }
         });
         let spots: Vec<Spot> = spots.collect();
@@ -73,10 +58,9 @@ impl Model {
             off: [0.0; 3],
             gone: None,
             seen: [false; 4],
-            outward: [0.0; 3],
+            beside: [false; 4],
         });
         (self.pins, self.spots) = (pins.collect(), spots);
-        self.outward = kept;
         self.place_spots();
         Ok(())
     }
@@ -98,44 +82,48 @@ impl Model {
         moved.map_or_else(Vector3::zeros, |frame| Vector3::from(frame.displacement[vertex]))
     }
 
-    /// Finds where the panes show them.
+    /// Finds where the panes show them: slices that they reach, and the volume where what is seen before them is within their reach, too.
     pub(super) fn place_spots(&mut self) {
         let grid = self.session.rest().grid();
-        let towards_eye = Vector3::from(self.lens.axes()[2]);
-        // Where it is cut open, or bones turn parts of it round, far sides may be seen.
-        let settings = self.session.settings();
-        let open = self.panes.cut.is_some()
-            || !settings.clip.parts.is_empty()
-            || !settings.space.is_empty()
-            || !settings.bones.is_empty();
+        let at_rest = self.compared.shows == Shows::Rest;
+        let place = |spot: &Spot| if at_rest { spot.rest } else { spot.now };
         for spot in self.spots.iter_mut().chain(&mut self.pins) {
-            let place = if self.compared.shows == Shows::Rest { spot.rest } else { spot.now };
-            spot.at = self.panes.shares(grid, &self.lens, place);
-            spot.off = self.panes.planes.off(grid, place);
+            spot.at = self.panes.shares(grid, &self.lens, place(spot));
+            spot.off = self.panes.planes.off(grid, place(spot));
             spot.seen = self.panes.planes.reached(grid, spot.off, spot.radius);
-            spot.seen[0] = open || Vector3::from(spot.outward).dot(&towards_eye) > TURNED_AWAY;
+            spot.beside = self.panes.planes.beside(grid, &[place(spot)]);
+        }
+        let beside = BESIDE * grid.voxel_diagonal();
+        self.find_hidden();
+        for (spot, by) in self.spots.iter_mut().chain(&mut self.pins).zip(&self.hidden.by) {
+            spot.beside[0] = *by > beside;
+            spot.seen[0] = *by <= spot.radius.max(beside);
         }
     }
-}
 
-/// Out of a lattice at rest at vertices: the sum of the triangles about each, which are as long as they are large.
-fn outward(lattice: &Lattice, vertices: &[usize]) -> Vec<[f64; 3]> {
-    if vertices.is_empty() {
-        return Vec::new();
-    }
-    let places = lattice.local_positions();
-    let mut is_asked = vec![false; places.len()];
-    for &v in vertices {
-        is_asked[v] = true;
-    }
-    let mut sums = vec![Vector3::zeros(); vertices.len()];
-    for t in lattice.triangles().iter().filter(|t| t.iter().any(|&v| is_asked[v as usize])) {
-        for (sum, vertex) in sums.iter_mut().zip(vertices) {
-            if t.contains(&(*vertex as u32)) {
-                let [a, b, c] = t.map(|v| places[v as usize]);
-                *sum += (b - a).cross(&(c - a));
+    /// Finds by how much each is hidden in the volume's picture, where that or they have changed.
+    fn find_hidden(&mut self) {
+        let spots = || self.spots.iter().chain(&self.pins);
+        let of = (self.versions[Pane::Volume.number()], spots().map(|spot| spot.at[0]).collect());
+        if self.hidden.of == of {
+            return;
+        }
+        let (at_rest, towards_eye) = (self.compared.shows == Shows::Rest, Vector3::from(self.lens.axes()[2]));
+        let mut by = vec![f64::NEG_INFINITY; of.1.len()];
+        // Of divided pictures each half shows a body of its own.
+        for half in [false, true] {
+            let here = spots().enumerate().filter_map(|(n, spot)| Some((n, spot, spot.at[0]?)));
+            let here: Vec<_> = here.filter(|(.., at)| self.compared.is_rest_at(*at) == half).collect();
+            let Some((.., first)) = here.first() else { continue };
+            let shares: Vec<[f64; 2]> = here.iter().map(|(.., at)| *at).collect();
+            let volume = self.seen(*first);
+            let seen = self.panes.look_at_all(&shares, volume, self.transfer.as_ref(), &self.exec);
+            // What can't be told is shown.
+            for ((n, spot, _), seen) in here.iter().zip(seen.unwrap_or_default()) {
+                let place = Vector3::from(if at_rest { spot.rest } else { spot.now });
+                by[*n] = seen.map_or(by[*n], |seen| (Vector3::from(seen) - place).dot(&towards_eye));
             }
         }
+        self.hidden = Hidden { of, by };
     }
-    sums.into_iter().map(|sum| sum.try_normalize(0.0).unwrap_or_default().into()).collect()
 }

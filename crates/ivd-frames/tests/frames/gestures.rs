@@ -6,6 +6,7 @@ use ivd_frames::{Axis, Figures, Model, Pane, Request};
 use nalgebra::{Matrix4, Vector3, Vector4};
 
 use super::common::{BALL, model};
+use super::scripts::assert_as_piped;
 
 fn follow(model: &mut Model, request: &Request) -> Figures {
     model.follow(request).unwrap();
@@ -60,18 +61,33 @@ fn a_lock_keeps_the_motion_to_an_axis_of_the_patient() {
 }
 
 #[test]
-fn a_refused_move_leaves_the_last_that_was_possible_and_says_how_far_the_hand_is() {
+fn what_is_held_goes_as_far_as_it_can_and_how_far_the_hand_is_ahead_is_told() {
     let mut model = model(BALL);
     follow(&mut model, &Request::Radius { handle: None, radius: 4.0 });
     follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
     let good = follow(&mut model, &Request::Drag { to: [0.51, 0.5], lock: None });
-    let there = model.session().deformed().clone();
     assert_eq!(good.refused, None);
-    let refused = follow(&mut model, &Request::Drag { to: [1.4, 0.5], lock: None });
-    let why = refused.refused.unwrap();
-    assert!(why.ahead_mm > 10.0 && !why.why.is_empty(), "{why:?}");
-    assert_eq!((model.session().deformed(), &refused.handles), (&there, &good.handles));
-    assert_eq!(follow(&mut model, &Request::Drop).undo.as_deref(), Some("drag a new handle"));
+    let gone = |told: &Figures| Vector3::from(told.handles[0].by.unwrap()).norm();
+    let mut before = gone(&good);
+    for _ in 0..12 {
+        let refused = follow(&mut model, &Request::Drag { to: [1.4, 0.5], lock: None });
+        let why = refused.refused.clone().unwrap();
+        assert!(why.ahead_mm > 10.0 && !why.why.is_empty(), "{why:?}");
+        assert!(gone(&refused) >= before, "what was possible stays");
+        before = gone(&refused);
+    }
+    assert!(before > 1.3 * gone(&good), "{before} of {}", gone(&good));
+    let let_go = follow(&mut model, &Request::Drop);
+    assert_eq!((let_go.undo.as_deref(), gone(&let_go)), (Some("drag a new handle"), before));
+    // A tenth of the way to the hand is refused; what is there is what the scene makes.
+    assert_as_piped(&model);
+    // One long drag that is let go of comes there as well.
+    let handle = let_go.handles[0].id;
+    follow(&mut model, &Request::Move { handle, by: [0.0; 3] });
+    let at = model.figures().handles[0].at[0].unwrap();
+    assert_eq!(follow(&mut model, &Request::Grab { pane: Pane::Volume, at }).held, Some(handle));
+    follow(&mut model, &Request::Drag { to: [1.4, 0.5], lock: None });
+    assert!(gone(&follow(&mut model, &Request::Drop)) > 1.0);
 }
 
 #[test]

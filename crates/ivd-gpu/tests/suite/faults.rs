@@ -36,7 +36,7 @@ fn two_views(gpu: Gpu) -> ([Result<Radiance, ivd_render::Error>; 2], [u64; 2], M
 fn every_way_to_fail_at_every_event_gives_the_right_pictures() {
     // One event of so many is tried; all where it is 1.
     let every: u64 = std::env::var("IVD_STRESS_EVERY")
-        .map_or(3, |text| text.parse().unwrap_or_else(|_| panic!("IVD_STRESS_EVERY={text} is no number")));
+        .map_or(5, |text| text.parse().unwrap_or_else(|_| panic!("IVD_STRESS_EVERY={text} is no number")));
     let Some(sound) = gpu(of_parts(Vec::new())) else { return };
     let (right, [first, all], meter) = two_views(sound);
     let right = right.map(Result::unwrap);

@@ -259,9 +259,9 @@ function over(context, name, number, place, scale, canvas) {
     context.strokeStyle = colour; context.lineWidth = width * unit;
     context.beginPath(); context.arc(at[0], at[1], Math.max(radius, 1), 0, 7); context.stroke();
   };
-  // What doesn't lie in a slice is faint there.
-  const near = (spot) => { context.globalAlpha = number && Math.abs(spot.off[number - 1]) > 2 ? 0.3 : 1; };
-  // What a slice doesn't reach, and what lies on the far side, isn't shown.
+  // What doesn't lie in a slice, or is hidden in the volume, is faint there.
+  const near = (spot) => { context.globalAlpha = spot.beside[number] ? 0.4 : 1; };
+  // What a slice doesn't reach, and what lies further behind, isn't shown.
   for (const pin of shown.pins) {
     const at = pin.seen[number] ? place(pin.at[number]) : null;
     near(pin);
@@ -339,7 +339,7 @@ function rulers(context, number, place, unit) {
     const ends = one.at.map((at) => place(at[number]));
     if (!ends.every(Boolean)) continue;
     // What doesn't lie in a slice is faint there, without its numbers.
-    const faint = number && one.off.some((off) => Math.abs(off[number - 1]) > 2);
+    const faint = one.beside[number];
     context.globalAlpha = faint ? 0.3 : 1;
     context.lineWidth = 1.5 * unit;
     context.beginPath(); ends.forEach((end, i) => (i ? context.lineTo(...end) : context.moveTo(...end))); context.stroke();

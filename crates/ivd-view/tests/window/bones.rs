@@ -47,7 +47,7 @@ fn a_bone_needs_springs_and_no_pointer() {
     let mut here = Here::ball();
     here.harness.key_press(Key::J);
     here.harness.step();
-    assert!(here.has("Rings know no bones"));
+    assert!(here.has("Distance alone knows no bones"));
     let mut here = springs();
     here.harness.key_press(Key::J);
     here.harness.step();

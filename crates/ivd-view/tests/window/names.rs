@@ -43,7 +43,7 @@ fn every_part_has_a_name_of_its_own() {
     here.told("a handle and a pin", |told| told.handles.len() == 1 && told.pins.len() == 1);
     for (menu, item) in [
         ("Cut where the slices meet", "Cut along the sagittal slice"),
-        ("Clip here", "Plane along the axial slice"),
+        ("Clip by a plane", "Plane along the axial slice"),
     ] {
         here.press(menu);
         here.harness.run_ok();
@@ -51,7 +51,7 @@ fn every_part_has_a_name_of_its_own() {
         here.press(item);
         // What comes of it makes other rows, and lets those below go elsewhere.
         here.told("it is done", |told| {
-            told.incision.is_some() && (told.clips.len() == 1 || menu != "Clip here")
+            told.incision.is_some() && (told.clips.len() == 1 || menu != "Clip by a plane")
         });
         here.harness.run_ok();
     }
