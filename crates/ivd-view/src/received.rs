@@ -154,7 +154,7 @@ impl Window {
         }
     }
 
-    /// Tells what was done, or why it wasn't, in a line that is always there: it hides nothing, and nothing changes its size.
+    /// Tells what was done, or why it wasn't, else what there is to be warned of, in a line that is always there: it hides nothing, and nothing changes its size.
     pub(crate) fn words(&mut self, ui: &mut Ui) {
         let now = ui.input(|input| input.time);
         if let Some(word) = &mut self.word {
@@ -166,7 +166,10 @@ impl Window {
             }
         }
         let refused = self.shown.figures().and_then(refusal);
-        let Some(word) = refused.as_ref().or(self.word.as_ref()) else { return };
+        let Some(word) = refused.as_ref().or(self.word.as_ref()) else {
+            self.warning(ui);
+            return;
+        };
         let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
         ui.painter().rect_filled(ui.max_rect().expand2(vec2(8.0, 2.0)), 0.0, ground);
         let (text, exactly, smoothest) = (word.text.clone(), word.exactly.clone(), word.smoothest);

@@ -95,7 +95,7 @@ impl Window {
             self.turned(&response, ("Radius", radius), request);
         }
         let mut stiffness = self.value("Stiffness", figures.stiffness);
-        let unit = if figures.matter.is_empty() { "N/m" } else { "N/m, of classes without one of their own" };
+        let unit = if figures.matter.is_empty() { "N/m" } else { "N/m, where no class has its own" };
         for response in slider(ui, "Stiffness", unit, &mut stiffness, 1e-2..=STIFFEST, Scale::Ratios) {
             let request = || Request::Stiffness { stiffness };
             let response = response.on_hover_text(STIFFNESS);

@@ -27,21 +27,10 @@ impl Window {
             ui.ctx().request_repaint_after(self.options.soon);
         }
         let works = waits.and_then(|waits| waits.told(self.options.soon));
-        let mut squeezed = false;
         ui.horizontal(|ui| {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                    if let Some(warning) = self.shown.figures().and_then(warned) {
-                        let text = egui::RichText::new(&warning).color(ui.visuals().warn_fg_color);
-                        // Half of the line at most: the value under the pointer has its place.
-                        ui.scope(|ui| {
-                            ui.set_max_width(0.6 * ui.available_width());
-                            let line = egui::Label::new(text).truncate().sense(egui::Sense::click());
-                            let line = ui.add(line).on_hover_cursor(egui::CursorIcon::PointingHand);
-                            squeezed = line.on_hover_text(format!("{warning}. {WHERE}")).clicked();
-                        });
-                    }
                     let text =
                         [works, self.records(), self.under_the_pointer(), self.shown.figures().map(told)];
                     let text: Vec<String> = text.into_iter().flatten().collect();
@@ -53,7 +42,15 @@ impl Window {
                 });
             });
         });
-        if squeezed {
+    }
+
+    /// What is to be known before what is seen is trusted, above the line.
+    pub(crate) fn warning(&mut self, ui: &mut Ui) {
+        let Some(warning) = self.shown.figures().and_then(warned) else { return };
+        let text = egui::RichText::new(&warning).color(ui.visuals().warn_fg_color);
+        let line = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
+        let line = line.on_hover_cursor(egui::CursorIcon::PointingHand);
+        if line.on_hover_text(format!("{warning}. {WHERE}")).clicked() {
             self.ask(Request::ShowSqueezed);
         }
     }
