@@ -38,6 +38,16 @@ pub(crate) fn fitted(rect: Rect, ratio: f32) -> Rect {
     Rect::from_center_size(rect.center(), vec2(width, width / ratio))
 }
 
+/// Points for every mm where a slice of that width and height (mm) fills a pane.
+fn scale(rect: Rect, [wide, high]: [f64; 2]) -> f32 {
+    (f64::from(rect.width()) / wide).min(f64::from(rect.height()) / high) as f32
+}
+
+/// The same where each of them fits.
+fn least_scale(rect: Rect, extents: &[[f64; 2]]) -> f32 {
+    extents.iter().map(|extent| scale(rect, *extent)).fold(f32::INFINITY, f32::min)
+}
+
 fn share(room: Rect, at: Pos2) -> [f64; 2] {
     let way = at - room.min;
     [f64::from(way.x / room.width()), f64::from(way.y / room.height())]
@@ -93,16 +103,9 @@ impl Window {
         else {
             return room;
         };
-        let scale = |[wide, high]: [f64; 2]| {
-            (f64::from(rect.width()) / wide).min(f64::from(rect.height()) / high) as f32
-        };
-        let all = slices.iter().map(|slice| scale(slice.extent_mm)).fold(f32::INFINITY, f32::min);
-        let own = scale(slices[slice].extent_mm);
-        if all > 0.0 && own.is_finite() {
-            Rect::from_center_size(room.center(), room.size() * (all / own))
-        } else {
-            room
-        }
+        let extents = slices.each_ref().map(|slice| slice.extent_mm);
+        let by = least_scale(rect, &extents) / scale(rect, extents[slice]);
+        if by.is_finite() { Rect::from_center_size(room.center(), room.size() * by) } else { room }
     }
 
     /// Says in words what a pane shows.
@@ -209,5 +212,18 @@ fn button_of(button: PointerButton) -> Option<Button> {
         PointerButton::Middle => Some(Button::Middle),
         PointerButton::Secondary => Some(Button::Right),
         PointerButton::Extra1 | PointerButton::Extra2 => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_slice_fits_by_the_scale_of_the_one_that_needs_most_room() {
+        let rect = Rect::from_min_size(pos2(10.0, 20.0), vec2(300.0, 200.0));
+        let extents = [[200.0, 240.0], [200.0, 100.0], [240.0, 100.0]];
+        assert_eq!(extents.map(|extent| scale(rect, extent)), [200.0 / 240.0, 1.5, 1.25]);
+        assert_eq!(least_scale(rect, &extents), 200.0 / 240.0);
     }
 }

@@ -8,7 +8,7 @@ use ivd_frames::{
 use ivd_map::space::Step;
 use ivd_render::Side;
 use ivd_session::Event;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::common::{BALL, model};
 use super::scripts::{assert_as_piped, made};
@@ -482,4 +482,39 @@ fn a_handle_tells_how_far_the_voxels_there_have_gone() {
     // With a cut beside it voxels go elsewhere as well.
     let cut = Request::Stroke { pane: Pane::Axial, from: [0.5, 0.2], to: [0.5, 0.4] };
     assert_eq!(follow(&mut model, &cut).handles[0].gone, None);
+}
+
+#[test]
+fn the_slices_are_brought_where_most_is_squeezed() {
+    let mut model = model(BALL);
+    let none = follow(&mut model, &Request::ShowSqueezed);
+    assert_eq!(
+        (none.overlay, none.cross),
+        (Some(Overlay::Volume), model.figures().cross),
+        "nothing has moved"
+    );
+    follow(&mut model, &Request::Radius { handle: None, radius: 9.0 });
+    follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.5, -3.0, 0.0] });
+    let told = follow(&mut model, &Request::ShowSqueezed);
+    // A plain loop over all voxels but the outermost, by differences to both sides.
+    let displacement = model.session().displacement();
+    let (grid, back) = (displacement.grid(), displacement.inverse());
+    let way = |at: [usize; 3]| Vector3::from(back.at(VoxelIndex(at))).map(f64::from);
+    let mut least = (f64::INFINITY, [0; 3]);
+    for at in (0..30 * 30 * 30).map(|i| [1 + i % 30, 1 + i / 30 % 30, 1 + i / 900]) {
+        let column = |a: usize| {
+            let beside =
+                |by: usize| way(std::array::from_fn(|b| if a == b { at[b] + by - 1 } else { at[b] }));
+            (beside(2) - beside(0)) / 2.0
+        };
+        let change = Matrix3::from_columns(&[column(0), column(1), column(2)]) * grid.inverse_linear_part();
+        let left = 1.0 / (Matrix3::identity() + change).determinant();
+        if left < least.0 {
+            least = (left, at);
+        }
+    }
+    assert!(least.0 < 0.8 && least.0 >= told.min_det_j - 0.1, "{least:?}, proven {}", told.min_det_j);
+    let there: [f64; 3] = grid.world(VoxelIndex(least.1).into()).0.into();
+    assert_eq!(told.cross, there);
+    assert!(told.slices.iter().zip([2, 1, 0]).all(|(slice, axis)| slice.slice == least.1[axis]));
 }

@@ -196,3 +196,23 @@ fn a_level_that_is_no_coarser_says_so() {
     }
     here.until("it is told", |here| here.has("Level 16 is no coarser than level 15"));
 }
+
+#[test]
+fn a_push_that_goes_too_far_says_so_in_a_line_and_offers_what_may_come_further() {
+    let mut here = Here::ball();
+    here.press("Handle where the slices meet");
+    here.told("a handle", |told| told.handles.len() == 1);
+    here.harness.run_ok();
+    let panes = |here: &Here| here.harness.get_by_label("Axial slice").rect();
+    let before = panes(&here);
+    super::keyboard::tab_to(&mut here, "Handle 0: y, mm from rest");
+    super::keyboard::typed(&mut here, "-25");
+    let told = here.told("refused", |told| told.refused.is_some()).refused.unwrap();
+    assert!(told.smoothest && told.why.contains("fold") && !told.why.contains("tolerance"), "{told:?}");
+    assert!(told.exactly.is_some_and(|exactly| exactly.contains("the map")));
+    here.harness.step();
+    assert!(here.has(&told.why));
+    assert_eq!(panes(&here), before, "no picture gives way");
+    here.press("Follow smoothest");
+    here.told("smoothest", |told| told.map == "biharmonic" && told.refused.is_none());
+}
