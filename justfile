@@ -21,7 +21,7 @@ slowest *args="":
 
 # What takes too long for every change: numerical stability in its long form (every awkward case, 100,000 random scenes, the matrix of
 # threads, builds and instructions); all random lattices that are refined and all events of a drag; mean shift against brute force; folds
-# of 10,000 pushes, mapped by both methods; the same bytes from every build. The normal suite has a fifth of the first two.
+# of 10,000 pushes, mapped by both methods; the same bytes from every build. The normal suite has an eighth of the first two.
 # `IVD_STRESS_SCENES`, `IVD_STRESS_PUSHES` and `IVD_STRESS_SEED` choose how many and which; a failure names the one to run again.
 stress:
     IVD_STRESS_EVERY=1 IVD_STRESS_RUNS=${IVD_STRESS_RUNS:-20} IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} IVD_STRESS_SPACES=${IVD_STRESS_SPACES:-20000} cargo test --release -p ivd-tests --test integration stability -- --nocapture --test-threads=1

@@ -34,7 +34,7 @@ fn large(side: usize) -> Case {
 
 #[test]
 fn every_stage_gives_the_same_bytes_on_any_number_of_threads() {
-    let runs = asked("IVD_STRESS_RUNS", 10).div_ceil(asked("IVD_STRESS_EVERY", 5)) as usize;
+    let runs = asked("IVD_STRESS_RUNS", 1) as usize;
     let scenes = asked("IVD_STRESS_MATRIX", 1);
     for on in BACKENDS {
         for seed in 0..scenes {
