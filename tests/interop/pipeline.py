@@ -107,6 +107,8 @@ def volumes(name, scene, folder, out, temporary):
     spacing = min(before.GetSpacing())
     check(f"{name}: moved by at least 3 voxels", np.linalg.norm(u, axis=-1).max() >= 3 * spacing,
           f"{np.linalg.norm(u, axis=-1).max() / spacing:.2f} voxels")
+    if not moved.any():
+        return
     field.CopyInformation(before)
     warp = sitk.DisplacementFieldTransform(field)
     # The box in which something moved: the rest was looked at above.

@@ -17,6 +17,8 @@ pub struct Spot {
     pub id: u32,
     /// Its vertex at rest (mm, RAS).
     pub rest: [f64; 3],
+    /// How far that is from what was pointed at (mm).
+    pub away_mm: f64,
     /// Where that is now.
     pub now: [f64; 3],
     /// How far a handle is told to move it (mm).
@@ -31,7 +33,7 @@ pub struct Spot {
     pub off: [f64; 3],
     /// How far the voxels about it have gone (mm): less than the vertex where more would fold. Not told where free forms or steps in space move them as well.
     pub gone: Option<[f64; 3]>,
-    /// Whether each pane shows it: a slice that it reaches, the volume where what is seen before it is within its reach.
+    /// Whether each pane shows it: a slice that it reaches, the volume where what is seen before it is no further away than its radius.
     pub seen: [bool; 4],
     /// Whether it lies beside each pane's slice, or behind what the volume shows there.
     pub beside: [bool; 4],

@@ -1,6 +1,6 @@
 //! Colours over slices: how far what is seen has come, and how its volume has changed.
 
-use ivd_core::{BRICK, Displacement, VoxelIndex};
+use ivd_core::{Displacement, VoxelIndex};
 use ivd_render::scale::{BLUE_TO_RED, colour_at, rounded_up};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -89,8 +89,13 @@ impl Overlay {
         mixed(grey, scale.colour(share), weight)
     }
 
+    /// Whether what is so bright has a colour to be seen.
+    pub(crate) fn is_coloured(grey: u8) -> bool {
+        f64::from(grey) >= SEEN
+    }
+
     /// What a scale tells of a deformed voxel; nothing where a cut has opened.
-    fn value(self, displacement: &Displacement, voxel: [usize; 3]) -> Option<f64> {
+    pub(crate) fn value(self, displacement: &Displacement, voxel: [usize; 3]) -> Option<f64> {
         if is_vacated(displacement, voxel) {
             return None;
         }
@@ -134,24 +139,6 @@ fn mixed(grey: u8, colour: [u8; 3], weight: f64) -> [u8; 3] {
 /// From where a deformed voxel comes (mm, RAS).
 fn vector(displacement: &Displacement, voxel: [usize; 3]) -> Vector3<f64> {
     Vector3::from(displacement.inverse().at(VoxelIndex(voxel))).map(f64::from)
-}
-
-/// The deformed voxel about which least is left of the volume; none where nothing has moved.
-pub(crate) fn most_squeezed(displacement: &Displacement) -> Option<[usize; 3]> {
-    let (field, dims) = (displacement.inverse(), displacement.grid().dims());
-    let bricks = field.brick_dims();
-    let moved = (0..field.table().len()).filter(|&brick| field.brick(brick).is_some());
-    let voxels = moved.flat_map(|brick| {
-        let first = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
-        (0..BRICK * BRICK * BRICK).map(move |slot| {
-            let within = [slot % BRICK, slot / BRICK % BRICK, slot / BRICK / BRICK];
-            std::array::from_fn(|a| first[a] * BRICK + within[a])
-        })
-    });
-    let left = voxels
-        .filter(|voxel: &[usize; 3]| (0..3).all(|a| voxel[a] < dims[a]))
-        .filter_map(|voxel| Some((Overlay::Volume.value(displacement, voxel)?, voxel)));
-    left.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, voxel)| voxel)
 }
 
 fn flag(displacement: &Displacement, flags: &[u8], voxel: [usize; 3]) -> u8 {

@@ -175,8 +175,12 @@ impl Window {
             self.layout.side = !self.layout.side;
         }
         if item(ui, true, "Layout as at first", None) {
-            self.layout =
-                Layout { size: self.layout.size, folder: self.layout.folder.take(), ..Layout::default() };
+            self.layout = Layout {
+                size: self.layout.size,
+                folder: self.layout.folder.take(),
+                kept: self.layout.kept.take(),
+                ..Layout::default()
+            };
         }
     }
 }

@@ -170,14 +170,11 @@ impl Window {
         });
     }
 
-    /// Where something is kept unless another place is said: where things were kept last, else where the program was started, or a person's own folder where that
-    /// is the root or the scan's. Nothing lands beside scans unasked.
+    /// Where something is kept unless another place is said.
     pub(crate) fn offered(&self, name: &str) -> String {
-        let scan = self.work.as_ref().and_then(|work| work.scan.as_deref()).and_then(Path::parent);
-        let started = std::env::current_dir().ok();
-        let is_fit = |folder: &PathBuf| folder.parent().is_some() && Some(folder.as_path()) != scan;
-        let folder =
-            self.layout.folder.clone().or_else(|| started.filter(is_fit)).or_else(std::env::home_dir);
+        let scan = self.work.as_ref().and_then(|work| work.scan.as_deref());
+        let others = [self.layout.kept.clone(), std::env::current_dir().ok(), std::env::home_dir()];
+        let folder = folder_to_keep_in(others, scan);
         let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));
         std::path::absolute(&path).unwrap_or(path).display().to_string()
     }
@@ -199,7 +196,7 @@ impl Window {
             return;
         }
         let Some(work) = &self.work else { return };
-        self.layout.folder = path.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
+        self.layout.kept = path.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
         match what {
             Keeps::Asked(what) => {
                 work.shared.keeping.expect(what, path, work.scan.clone());
@@ -310,6 +307,18 @@ impl Dialog {
     }
 }
 
+/// The folder that was written into last, else the one that the program was started in, else a person's own: but for the first none that is the root, or a
+/// scan's. Nothing lands beside scans unasked.
+fn folder_to_keep_in([last, started, own]: [Option<PathBuf>; 3], scan: Option<&Path>) -> Option<PathBuf> {
+    let real = |path: &Path| path.canonicalize().ok();
+    let scans: Vec<PathBuf> =
+        scan.into_iter().flat_map(|scan| [real(scan), scan.parent().and_then(real)]).flatten().collect();
+    let is_fit = |folder: &PathBuf| {
+        folder.parent().is_some() && real(folder).is_some_and(|real| !scans.contains(&real))
+    };
+    last.or_else(|| started.filter(is_fit)).or_else(|| own.filter(is_fit))
+}
+
 /// A field for a path, with buttons.
 fn typed(ui: &mut Ui, path: &mut String, name: &str, verb: &str, was_asked: bool) -> Answer {
     let field = ui.add(TextEdit::singleline(path).desired_width(f32::INFINITY)).accessible_name(name);
@@ -350,4 +359,35 @@ fn choice(ui: &mut Ui, does: &str, other: Option<&str>) -> Answer {
         }
     });
     answer
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_kept_beside_a_scan_unless_that_was_chosen() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = |name: &str| {
+            let folder = root.path().join(name);
+            std::fs::create_dir_all(folder.join("series")).unwrap();
+            folder
+        };
+        let [scans, work, home] = ["scans", "work", "home"].map(folder);
+        let scan = scans.join("head.nii");
+        std::fs::write(&scan, []).unwrap();
+        let kept = |last: Option<&PathBuf>, started: &Path, scan: &Path| {
+            folder_to_keep_in([last.cloned(), Some(started.to_owned()), Some(home.clone())], Some(scan))
+        };
+        assert_eq!(kept(None, &work, &scan).as_ref(), Some(&work));
+        assert_eq!(kept(Some(&scans), &work, &scan).as_ref(), Some(&scans), "it was chosen");
+        // Whatever it is called by, and where the scan is the folder itself.
+        for (started, scan) in
+            [(&scans, scan.clone()), (&scans, work.join("../scans/head.nii")), (&scans, scans.clone())]
+        {
+            assert_eq!(kept(None, started, &scan).as_ref(), Some(&home), "{}", scan.display());
+        }
+        assert_eq!(kept(None, Path::new("/"), &scan).as_ref(), Some(&home));
+        assert_eq!(kept(None, &home, &home), None, "a scan that is all of it");
+    }
 }

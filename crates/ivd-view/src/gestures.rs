@@ -131,8 +131,13 @@ impl Hands {
         }
     }
 
-    /// A button goes up; `held`: what was held by it.
-    pub(crate) fn released(&mut self, button: Button, held: Option<&Spot>) -> Vec<Request> {
+    /// Whether a handle is held that was taken hold of in the volume's pane.
+    pub(crate) fn holds_in_volume(&self) -> bool {
+        self.press.is_some_and(|press| press.does == Does::Handle && press.pane == Pane::Volume)
+    }
+
+    /// A button goes up.
+    pub(crate) fn released(&mut self, button: Button) -> Vec<Request> {
         let Some(press) = self.press.filter(|press| press.button == button) else { return Vec::new() };
         (self.press, self.lock) = (None, None);
         let mut requests = Vec::new();
@@ -145,10 +150,6 @@ impl Hands {
         }
         if press.does == Does::Handle {
             requests.push(Request::Drop);
-            // Seen from outside alone it would not be seen in any slice.
-            if press.pane == Pane::Volume {
-                requests.extend(held.into_iter().flat_map(go_to));
-            }
         }
         requests
     }
@@ -224,7 +225,7 @@ mod tests {
                 let mut all = Vec::from_iter(hands.pressed(pane, [0.5; 2], button, shift, Tool::Turn));
                 all.extend(hands.moved([3.0, 0.4]));
                 assert_eq!(hands.pane(), Some(pane));
-                all.extend(hands.released(button, None));
+                all.extend(hands.released(button));
                 let views = |request: &Request| {
                     matches!(
                         request,
@@ -251,7 +252,7 @@ mod tests {
         let wheel = |hands: &mut Hands| hands.wheel(Pane::Axial, [0.5; 2], 25.0, Tool::Handle, false);
         assert_eq!((wheel(&mut hands), wheel(&mut hands)), (None, Some(Request::Wheel { steps: 1 })));
         assert_eq!(hands.give_up(), Some(Request::Abandon));
-        assert!(hands.released(Button::Left, None).is_empty() && hands.moved([0.5; 2]).is_none());
+        assert!(hands.released(Button::Left).is_empty() && hands.moved([0.5; 2]).is_none());
     }
 
     #[test]
@@ -262,14 +263,14 @@ mod tests {
         assert_eq!(hands.line(Pane::Coronal), Some([[0.2, 0.3], [0.4, 9.0]]));
         assert_eq!(hands.line(Pane::Axial), None);
         let cut = Request::Stroke { pane: Pane::Coronal, from: [0.2, 0.3], to: [0.4, 2.0] };
-        assert_eq!((hands.released(Button::Left, None), hands.line(Pane::Coronal)), (vec![cut], None));
+        assert_eq!((hands.released(Button::Left), hands.line(Pane::Coronal)), (vec![cut], None));
         hands.pressed(Pane::Coronal, [0.2, 0.3], Button::Left, false, Tool::Incise);
         assert_eq!(hands.give_up(), None);
-        assert!(hands.released(Button::Left, None).is_empty(), "Esc gives it up");
+        assert!(hands.released(Button::Left).is_empty(), "Esc gives it up");
         hands.pressed(Pane::Volume, [0.2, 0.3], Button::Left, false, Tool::Measure);
         hands.moved([0.4, 0.5]);
         let ruler = Request::Measure { pane: Pane::Volume, from: [0.2, 0.3], to: [0.4, 0.5] };
-        assert_eq!(hands.released(Button::Left, None), [ruler]);
+        assert_eq!(hands.released(Button::Left), [ruler]);
     }
 
     #[test]
@@ -279,7 +280,7 @@ mod tests {
         for (to, at) in [(0.7, 0.7), (3.0, 1.0), (-0.2, 0.0)] {
             assert_eq!(hands.moved([to, 0.9]), Some(Request::Compare { shows: Shows::Both, at }));
         }
-        assert!(hands.released(Button::Left, None).is_empty() && hands.pane().is_none());
+        assert!(hands.released(Button::Left).is_empty() && hands.pane().is_none());
     }
 
     #[test]
@@ -287,7 +288,7 @@ mod tests {
         let mut hands = Hands::default();
         hands.pressed(Pane::Volume, [0.5; 2], Button::Left, false, Tool::Handle);
         assert_eq!(hands.pressed(Pane::Volume, [0.5; 2], Button::Right, false, Tool::Handle), None);
-        assert!(hands.released(Button::Right, None).is_empty());
-        assert_eq!(hands.released(Button::Left, None), [Request::Drop]);
+        assert!(hands.released(Button::Right).is_empty());
+        assert_eq!(hands.released(Button::Left), [Request::Drop]);
     }
 }

@@ -16,8 +16,12 @@ const SIDES: [(&str, &str); 3] = [
 ];
 /// Voxels that go less far than their vertex by more than this share of its way, and this (mm), are told of.
 const LAG: [f64; 2] = [0.05, 0.1];
+/// A vertex that is further from what was pointed at is told of (mm).
+pub(crate) const AWAY: f64 = 3.0;
+/// Why a handle isn't where it was put.
+const VERTEX: &str = "A handle takes the surface's nearest vertex. A finer surface, by a lower level, has one that is closer; so has a surface that was found elsewhere (below)";
 /// How far a handle goes.
-const MOVED: &str = "How far the handle takes its vertex. What lies about it may go further where springs push it aside: the largest motion stands below the pictures";
+const MOVED: &str = "How far the handle takes its vertex; left and right are the patient's. What lies about it may go further where springs push it aside: the largest motion stands below the pictures";
 /// Why voxels go less far.
 const BEHIND: &str = "Further on voxels would fold over one another, so they are kept back. A larger radius, a smaller move, or voxels that follow smoothest come closer";
 /// Where a move goes, along each axis of the patient and against it; ...
@@ -56,6 +60,10 @@ impl Window {
                 ui.end_row();
             }
         });
+        for one in figures.handles.iter().filter(|one| one.away_mm > AWAY) {
+            let text = format!("{}: {:.1} mm from where it was put", one.id, one.away_mm);
+            ui.colored_label(ui.visuals().warn_fg_color, text).on_hover_text(VERTEX);
+        }
         for one in &figures.handles {
             let Some(told) = told(one, figures.letters.is_some()) else { continue };
             let behind = lag(one).is_some();
@@ -193,6 +201,7 @@ mod tests {
         let spot = |by, gone| Spot {
             id: 0,
             rest: [0.0; 3],
+            away_mm: 0.0,
             now: [0.0; 3],
             by: Some(by),
             with: None,

@@ -21,13 +21,15 @@ pub(crate) struct Layout {
     pub(crate) side: bool,
     /// The pane that is shown alone.
     pub(crate) alone: Option<Pane>,
-    /// Folder that was written into or read from last.
+    /// Folder that was read from last, ...
     pub(crate) folder: Option<PathBuf>,
+    /// ... and the one that was written into.
+    pub(crate) kept: Option<PathBuf>,
 }
 
 impl Default for Layout {
     fn default() -> Self {
-        Self { size: [1200.0, 800.0], side: true, alone: None, folder: None }
+        Self { size: [1200.0, 800.0], side: true, alone: None, folder: None, kept: None }
     }
 }
 

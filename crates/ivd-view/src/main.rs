@@ -19,9 +19,9 @@ const AFTER: &str = "\
   ivd-view demo           a generated head, with a handle on its nose
   ivd-view scan.nii.gz    a scan: slices at once, the rest as soon as it is made
 
-In the window: choose Handle (H) and drag a surface in any picture; Look inside (under Clip) cuts the picture
-open; Ctrl+Z undoes; File keeps a scene, which opens again here and in `ivd pipeline`; ? lists
-what hands and keys do.";
+In the window: choose Handle (H) and drag a surface in any picture; Look inside, under Clip,
+opens the volume's picture; Ctrl+Z undoes; File keeps a scene, which opens again here and in
+`ivd pipeline`; ? lists what hands and keys do.";
 
 /// Shows a scan in a window, to be pulled and pressed by hand.
 #[derive(Debug, Parser)]

@@ -33,6 +33,7 @@ impl Window {
         let Some(matter) = figures.matter.iter().find(|matter| matter.class == class) else { return };
         ui.horizontal(|ui| {
             ui.add_space(18.0);
+            ui.weak("stiffness");
             self.matter(ui, matter);
         });
     }
@@ -60,6 +61,6 @@ impl Window {
         let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
         let field = field.on_hover_text(CLASSES);
         self.turned(&field, (&full, value), || Request::Material { class: *class, stiffness: value });
-        ui.weak("N/m stiff");
+        ui.weak("N/m");
     }
 }

@@ -39,6 +39,8 @@ pub(crate) struct Over<'a> {
     pub(crate) tool: Tool,
     /// Whether the pointer is over a picture.
     pub(crate) pointed: bool,
+    /// Whether the hand does something in this pane.
+    pub(crate) is_at_work: bool,
     /// The line that is drawn, to cut, to measure or to make a bone along.
     pub(crate) line: Option<[[f64; 2]; 2]>,
 }
@@ -116,9 +118,16 @@ impl Over<'_> {
             if held {
                 self.ring(at, one.radius as f32 * scale, colour.gamma_multiply(0.55), 1.0);
             }
-            let moved = told(one, figures.letters.is_some()).filter(|_| figures.held == Some(one.id));
+            // How far it has gone stands where the hand is, on the side that has room.
+            let moved = told(one, figures.letters.is_some())
+                .filter(|_| figures.held == Some(one.id) && self.is_at_work);
             let text = moved.map_or_else(|| one.id.to_string(), |moved| format!("{}: {moved}", one.id));
-            self.write(at + vec2(8.0, -8.0), Align2::LEFT_BOTTOM, text, LETTERS, colour);
+            let (way, align) = if self.is_at_work && at.x > self.rect.center().x {
+                (-8.0, Align2::RIGHT_BOTTOM)
+            } else {
+                (8.0, Align2::LEFT_BOTTOM)
+            };
+            self.write(at + vec2(way, -8.0), align, text, LETTERS, colour);
         }
         if let Some(hovered) = hovered.filter(|_| figures.held.is_none() && pointed.is_none()) {
             self.would_take(figures, hovered, scale);
@@ -231,7 +240,8 @@ impl Over<'_> {
             }
             Shows::Both => {
                 let at = self.place([figures.compare.at, 1.0]);
-                let line = self.room.y_range();
+                // Not through the letters at the edges.
+                let line = self.rect.shrink(EDGE).intersect(self.room).y_range();
                 self.painter.vline(at.x, line, Stroke::new(4.0, Color32::BLACK.gamma_multiply(0.6)));
                 self.painter.vline(at.x, line, Stroke::new(2.0, REST));
                 let at = at + low;

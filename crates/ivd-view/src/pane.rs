@@ -13,6 +13,8 @@ use crate::window::Window;
 
 /// Lines of a page, for wheels that turn pages.
 const PAGE: f32 = 10.0;
+/// Slices have one scale where none has less than this share of the size that it could have.
+const SMALLEST: f32 = 0.5;
 /// Shares of the pane that an arrow turns the volume by.
 const ARROW: f64 = 1.0 / 36.0;
 
@@ -75,7 +77,8 @@ impl Window {
         }
         let line = self.hands.line(pane);
         let (shown, tool, pointed) = (&self.shown, self.tool, self.pointed);
-        Over { painter: &painter, pane, rect, room, shown, tool, pointed, line }.draw();
+        let is_at_work = self.hands.pane() == Some(pane);
+        Over { painter: &painter, pane, rect, room, shown, tool, pointed, is_at_work, line }.draw();
         if self.is_over_line(ui, &response, room) {
             ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
         } else if matches!(self.tool, Tool::Incise | Tool::Bone | Tool::Measure) && response.hovered() {
@@ -105,7 +108,13 @@ impl Window {
         };
         let extents = slices.each_ref().map(|slice| slice.extent_mm);
         let by = least_scale(rect, &extents) / scale(rect, extents[slice]);
-        if by.is_finite() { Rect::from_center_size(room.center(), room.size() * by) } else { room }
+        // Not where one of them is much longer than others: hands need room.
+        let least = extents.iter().map(|extent| least_scale(rect, &extents) / scale(rect, *extent));
+        if by.is_finite() && least.fold(f32::INFINITY, f32::min) > SMALLEST {
+            Rect::from_center_size(room.center(), room.size() * by)
+        } else {
+            room
+        }
     }
 
     /// Says in words what a pane shows.
@@ -157,6 +166,11 @@ impl Window {
                 Event::PointerButton { pos, button, pressed: true, modifiers } if here => {
                     let Some(button) = button_of(button) else { continue };
                     response.request_focus();
+                    // Beside a slice's picture there is nothing.
+                    let is_beside = share(room, pos).iter().any(|c| !(0.0..=1.0).contains(c));
+                    if pane != Pane::Volume && is_beside {
+                        continue;
+                    }
                     if button == Button::Left && !modifiers.shift && self.is_line_at(room, pos) {
                         self.hands.divide(pane, share(room, pos));
                         continue;
@@ -167,11 +181,11 @@ impl Window {
                 }
                 Event::PointerButton { button, pressed: false, .. } => {
                     let Some(button) = button_of(button) else { continue };
-                    let figures = self.shown.figures();
-                    let held = figures.and_then(|figures| {
-                        figures.handles.iter().find(|one| figures.held == Some(one.id)).cloned()
-                    });
-                    let asked = self.hands.released(button, held.as_ref());
+                    let in_volume = self.hands.holds_in_volume();
+                    let asked = self.hands.released(button);
+                    if in_volume && asked.contains(&Request::Drop) {
+                        self.dropped_one = self.shown.figures().and_then(|figures| figures.held);
+                    }
                     self.ask_all(asked);
                 }
                 Event::PointerMoved(pos) => {

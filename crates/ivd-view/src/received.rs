@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use egui::{Align, Color32, Context, Label, Layout, RichText, Ui, vec2};
+use egui::{Color32, Context, Frame, Label, Margin, RichText, Ui};
 use ivd_core::{Classified as _, ErrorClass};
 use ivd_frames::{Figures, MapName, Refused, Request, Saved};
 
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
+use crate::gestures::go_to;
+use crate::handles::AWAY;
 use crate::window::Window;
 
 /// A problem is told for so long (s).
@@ -81,11 +83,28 @@ impl Window {
                     "Level {level} is no coarser than level {was}: {vertices} vertices are left."
                 ));
             }
+            let known =
+                |id: u32| self.shown.figures().is_none_or(|was| was.handles.iter().any(|one| one.id == id));
+            if let Some(far) = frame.figures.handles.iter().find(|one| one.away_mm > AWAY && !known(one.id)) {
+                self.say(format!(
+                    "Handle {} took the surface's nearest vertex, {:.1} mm away: a lower level has a closer one.",
+                    far.id, far.away_mm
+                ));
+            }
             if let Some(word) = refusal(&frame.figures) {
                 // It can be read after the hand has let go.
                 self.word = Some(word);
             }
-            self.shown.frame(frame, context);
+            let figures = &frame.figures;
+            if let Some(id) = self.dropped_one.filter(|_| figures.held.is_none()) {
+                self.dropped_one = None;
+                // Seen from outside alone it would not be seen in any slice.
+                let there = figures.handles.iter().find(|one| one.id == id).map(go_to);
+                self.shown.frame(frame, context);
+                self.ask_all(there.into_iter().flatten());
+            } else {
+                self.shown.frame(frame, context);
+            }
         }
         for problem in problems {
             // What was to be kept and isn't comes no more.
@@ -171,17 +190,24 @@ impl Window {
             return;
         };
         let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
-        ui.painter().rect_filled(ui.max_rect().expand2(vec2(8.0, 2.0)), 0.0, ground);
         let (text, exactly, smoothest) = (word.text.clone(), word.exactly.clone(), word.smoothest);
         let is_nearest = self.shown.figures().is_some_and(|figures| figures.depth.is_some());
-        let mut chosen = false;
-        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            chosen = smoothest && is_nearest && ui.button("Follow smoothest").clicked();
-            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+        let chosen = ui.horizontal_centered(|ui| {
+            let chosen = smoothest && is_nearest && ui.button("Follow smoothest").clicked();
+            // A warning has room beside it.
+            let share = if self.is_warned() { 0.6 } else { 1.0 };
+            let room = share * ui.available_width();
+            Frame::new().fill(ground).inner_margin(Margin::symmetric(6, 2)).show(ui, |ui| {
+                ui.set_max_width(room - 12.0);
                 let line = ui.add(Label::new(RichText::new(&text).color(colour)).truncate());
-                line.on_hover_text(exactly.unwrap_or(text));
+                if let Some(exactly) = exactly {
+                    line.on_hover_text(exactly);
+                }
             });
+            self.warning(ui);
+            chosen
         });
+        let chosen = chosen.inner;
         if chosen {
             self.word = None;
             self.ask(Request::Map { map: MapName::Biharmonic });

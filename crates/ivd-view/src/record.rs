@@ -168,7 +168,7 @@ impl Window {
     /// Writes what was recorded, beside the window; until that is done it stays.
     pub(crate) fn keep_recording(&mut self, path: PathBuf, context: &Context) {
         let Some(recording) = &self.recording else { return };
-        self.layout.folder = path.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
+        self.layout.kept = path.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
         let shared = self.work.as_ref().map(|work| work.shared.clone());
         let recording = recording.clone();
         let write = move || recording.write(&path).map(|()| path.display().to_string());

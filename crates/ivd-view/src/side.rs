@@ -13,7 +13,7 @@ const LEVELS: u8 = 8;
 /// Where stiffness shows.
 const STIFFNESS: &str = "Of springs. It shows where something is pulled with a force, or where matter differs: what is moved goes where the hand is, however stiff all of it is.";
 /// What fades.
-const FADES: &str = "How the motion fades from the surface inwards. Not at all: what is inside moves as the surface does, as far as the reach goes.";
+const FADES: &str = "How the motion fades from the surface inwards. Not at all: what is inside moves as the surface does, as far as the radius goes.";
 /// How voxels follow.
 const FOLLOW: &str = "What lies within goes as the nearest of the surface does, which is quick, or as smoothly as it can, which squeezes less and takes longer";
 /// What is looked into.
@@ -135,12 +135,14 @@ impl Window {
     /// How the motion fades with depth, to be chosen where voxels follow what is nearest.
     fn fades(&mut self, ui: &mut Ui, figures: &Figures) {
         let word = WEIGHTS.iter().find(|(weight, _)| Some(*weight) == figures.depth).map(|(_, word)| *word);
-        let shown = (figures.depth, word.unwrap_or("as is smoothest"));
+        let shown = (figures.depth, word.unwrap_or("–"));
         // Nothing else changes its place where there is nothing to choose.
         let chosen = ui.add_enabled_ui(figures.depth.is_some(), |ui| {
             list(ui, ["Fades with depth", FADES], shown, WEIGHTS)
         });
-        if let Some(weight) = chosen.inner {
+        let weight = chosen.inner;
+        chosen.response.on_disabled_hover_text("To be chosen where voxels follow the nearest");
+        if let Some(weight) = weight {
             self.ask(Request::Depth { weight });
         }
     }

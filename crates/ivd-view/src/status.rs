@@ -44,14 +44,24 @@ impl Window {
         });
     }
 
+    /// Whether there is something to be warned of.
+    pub(crate) fn is_warned(&self) -> bool {
+        self.shown.figures().is_some_and(|figures| warned(figures) != [None, None])
+    }
+
     /// What is to be known before what is seen is trusted, above the line.
     pub(crate) fn warning(&mut self, ui: &mut Ui) {
-        let Some(warning) = self.shown.figures().and_then(warned) else { return };
-        let text = egui::RichText::new(&warning).color(ui.visuals().warn_fg_color);
-        let line = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
-        let line = line.on_hover_cursor(egui::CursorIcon::PointingHand);
-        if line.on_hover_text(format!("{warning}. {WHERE}")).clicked() {
-            self.ask(Request::ShowSqueezed);
+        let Some([squeezed, left]) = self.shown.figures().map(warned) else { return };
+        let warn = |text: String| egui::RichText::new(text).color(ui.visuals().warn_fg_color);
+        let (squeezed, left) = (squeezed.map(warn), left.map(warn));
+        if let Some(squeezed) = squeezed {
+            let button = egui::Button::new(squeezed).frame(false).wrap_mode(egui::TextWrapMode::Truncate);
+            if ui.add(button).on_hover_text(WHERE).clicked() {
+                self.ask(Request::ShowSqueezed);
+            }
+        }
+        if let Some(left) = left {
+            ui.add(egui::Label::new(left).truncate());
         }
     }
 
@@ -61,10 +71,11 @@ impl Window {
         let gone = hovered.map_or(0.0, |told| length(std::array::from_fn(|a| told.place[a] - told.rest[a])));
         let moved = if gone > GONE { format!(", moved {gone:.1} mm") } else { String::new() };
         let hovered = hovered.map(|hovered| (hovered.place, hovered.value));
+        let of = if hovered.is_none() { "cross hair: " } else { "" };
         let (place, value) = hovered.or_else(|| self.shown.cross())?;
         let value = value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
         let class = class.map_or_else(String::new, |class| format!(", class {class}"));
-        Some(format!("{value} at {} mm{class}", place.map(|c| format!("{c:.1}")).join(", ")) + &moved)
+        Some(format!("{of}{value} at {} mm{class}", place.map(|c| format!("{c:.1}")).join(", ")) + &moved)
     }
 
     /// What is done while there are no frames.
@@ -134,24 +145,31 @@ fn progress(ui: &mut Ui, bar: ProgressBar) {
 /// What the last motion came to.
 fn told(figures: &Figures) -> String {
     format!(
-        "largest motion {:.2} mm · volume kept ≥ {:.0} % · {} vertices at level {}",
+        "largest motion {:.2} mm · volume kept ≥ {} % · {} vertices at level {}",
         figures.largest_mm,
-        100.0 * figures.min_det_j,
+        percent(figures.min_det_j),
         figures.vertices,
         figures.level
     )
 }
 
-/// What is to be known before what is seen is trusted.
-fn warned(figures: &Figures) -> Option<String> {
+/// What is to be known before what is seen is trusted: how much is squeezed, and how far voxels stay behind.
+fn warned(figures: &Figures) -> [Option<String>; 2] {
     let smoothest = if figures.map == "octree" { " (smoothest squeezes less)" } else { "" };
-    let squeezed = (figures.min_det_j < SQUEEZED).then(|| {
-        format!("squeezed somewhere to {:.0} % of its volume{smoothest}", 100.0 * figures.min_det_j)
-    });
+    let squeezed = (figures.min_det_j < SQUEEZED)
+        .then(|| format!("squeezed somewhere to {} % of its volume{smoothest}", percent(figures.min_det_j)));
     let left = (figures.behind > BEHIND)
         .then(|| format!("voxels up to {:.1} mm behind the surface that is pulled", figures.left_mm));
-    let told: Vec<String> = squeezed.into_iter().chain(left).collect();
-    (!told.is_empty()).then(|| told.join(", "))
+    [squeezed, left]
+}
+
+/// A share that is proven, in percent: never more than it is, and by two digits.
+fn percent(share: f64) -> String {
+    let percent = 100.0 * share.max(0.0);
+    let digits =
+        if percent >= 10.0 || percent == 0.0 { 0 } else { (1.0 - percent.log10().floor()).min(9.0) as usize };
+    let ten = 10.0_f64.powi(digits as i32);
+    format!("{:.digits$}", (percent * ten * (1.0 + 1e-12)).floor() / ten)
 }
 
 /// What the numbers of the line mean, and what the last motion took.
@@ -161,4 +179,15 @@ fn explained(figures: Option<&Figures>) -> String {
     let [lattice, map, voxels] = figures.times.map(milli);
     let picture = milli(figures.draw_s);
     format!("{MEANS} It took: lattice {lattice}, map {map}, voxels {voxels}, picture {picture}.")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_proven_is_never_told_to_be_more() {
+        let told = [1.0, 0.9999, 0.196, 0.29, 0.0518, 0.0071, 0.00042, 0.0].map(percent);
+        assert_eq!(told, ["100", "99", "19", "29", "5.1", "0.71", "0.042", "0"]);
+    }
 }

@@ -22,7 +22,7 @@ use crate::stages::{self, Asked};
 pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
     let command = match asked {
         Asked::Stage(offer, matches) => return stages::run(&offer, &matches, context),
-        Asked::Command(command) => command,
+        Asked::Command(command) => *command,
     };
     if let Some(file) = context.global.params.as_deref() {
         return Err(Failure::usage(format!(

@@ -36,7 +36,7 @@ pub(crate) enum Asked {
     /// A stage of the list, with what was typed for it.
     Stage(Offer, ArgMatches),
     /// Another command.
-    Command(args::Command),
+    Command(Box<args::Command>),
 }
 
 /// Commands in the order in which help lists them: as data flows, then what looks at results, then the program's own.
@@ -104,7 +104,7 @@ pub(crate) fn read(matches: &ArgMatches) -> Result<(Global, Asked), clap::Error>
         return Ok((Global::from_arg_matches(matches)?, Asked::Stage(Offer::whole(stage), own.clone())));
     }
     let args = Args::from_arg_matches(matches)?;
-    Ok((args.global, Asked::Command(args.command)))
+    Ok((args.global, Asked::Command(Box::new(args.command))))
 }
 
 /// Runs a stage as its command asks for it.

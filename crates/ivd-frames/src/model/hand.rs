@@ -16,12 +16,12 @@ use crate::{Axis, Error, Pane};
 /// A handle is taken hold of from so far away (shares of the pane).
 const NEAR: f64 = 0.025;
 /// Less of the way to a hand that is ahead isn't tried.
-const LEAST_SHARE: f64 = 0.1;
-/// A hand that is ahead by less than so much of a voxel is where it wants to be.
-const AHEAD: f64 = 0.2;
-/// So often that is tried when it lets go.
-const TRIES: usize = 3;
-/// A window waits no longer than this and another try for what comes closer.
+const LEAST_SHARE: f64 = 0.02;
+/// So often what is held is tried to come closer at a time.
+const TRIES: usize = 4;
+/// A window that is at work waits no longer than this, and one try, for that; ...
+const AT_WORK: Duration = Duration::from_millis(200);
+/// ... and this once it is let go of. No try takes longer than this.
 const QUICK: Duration = Duration::from_secs(1);
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
@@ -85,7 +85,7 @@ impl Model {
         self.let_go()?;
         self.check_seen_now("grab", &[at])?;
         let grid = self.session.rest().grid().clone();
-        self.place_spots();
+        self.find_hidden();
         let taken = self.handle_at(pane, at);
         let (handle, place) = if let Some(id) = taken {
             self.session.begin("drag")?;
@@ -132,29 +132,48 @@ impl Model {
         let Across { right, down } = drag.across;
         let way = right * (to[0] - drag.from[0]) + down * (to[1] - drag.from[1]);
         let way = lock.map_or(way, |axis| along(axis, way, right.cross(&down)));
-        drag.wanted = drag.by + way;
+        let wanted = drag.by + way;
+        // Another place is another chance.
+        if (wanted - drag.wanted).norm() > self.noticeable() {
+            drag.share = 0.5;
+        }
+        drag.wanted = wanted;
         self.drag = Some(drag);
+        if self.is_ahead() {
+            self.follow_hand()
+        } else {
+            self.apply(Event::Move { handle: drag.handle, by: drag.wanted.into() })
+        }
+    }
+
+    /// Moves what is held to where the hand is, or closer to it where that is refused.
+    pub(super) fn follow_hand(&mut self) -> Result<(), Error> {
+        let Some(drag) = self.drag else { return Ok(()) };
         let began = Instant::now();
         self.apply(Event::Move { handle: drag.handle, by: drag.wanted.into() })?;
-        if self.refused.is_some() {
-            return if began.elapsed() < QUICK { self.come_closer() } else { Ok(()) };
+        self.try_closer(began + AT_WORK)
+    }
+
+    /// Tries a few times to come closer to a hand that is ahead, no more once it is late.
+    fn try_closer(&mut self, late: Instant) -> Result<(), Error> {
+        for _ in 0..TRIES {
+            if self.drag.is_some() && self.refused.is_some() && Instant::now() < late {
+                self.come_closer()?;
+            }
         }
-        drag.share = 0.5;
-        self.drag = Some(drag);
         Ok(())
     }
 
     /// What is held comes closer to a hand that it can't follow all the way: half as far, or less where that was refused before. Why it can't stays told.
     fn come_closer(&mut self) -> Result<(), Error> {
         let Some((drag, refused)) = self.drag.zip(self.refused.clone()) else { return Ok(()) };
-        let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
-        let by = held.map_or(drag.wanted, |held| by_of(&held.what));
-        let least = AHEAD * self.session.rest().grid().voxel_diagonal();
-        if drag.share < LEAST_SHARE || (drag.wanted - by).norm() < least {
+        if drag.share < LEAST_SHARE || !self.is_ahead() {
             return Ok(());
         }
+        let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
+        let by = held.and_then(|held| by_of(&held.what)).unwrap_or(drag.by);
         let there = by + drag.share * (drag.wanted - by);
-        self.apply(Event::Move { handle: drag.handle, by: there.into() })?;
+        self.apply_within(Event::Move { handle: drag.handle, by: there.into() }, QUICK)?;
         let share = if self.refused.is_none() { 0.5 } else { 0.5 * drag.share };
         self.drag = Some(Drag { share, ..drag });
         self.refused = Some(Refused { ahead_mm: self.ahead(), ..refused });
@@ -163,13 +182,8 @@ impl Model {
 
     /// What is let go of while the hand is ahead comes as close as a few tries bring it.
     pub(super) fn come_closest(&mut self) -> Result<(), Error> {
-        let began = Instant::now();
-        for _ in 0..TRIES {
-            if self.refused.is_some() && began.elapsed() < QUICK {
-                self.come_closer()?;
-            }
-        }
-        Ok(())
+        self.drag = self.drag.map(|drag| Drag { share: drag.share.max(2.0 * LEAST_SHARE), ..drag });
+        self.try_closer(Instant::now() + QUICK)
     }
 }
 

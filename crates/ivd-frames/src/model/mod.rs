@@ -8,29 +8,31 @@ mod looks;
 mod map;
 mod matter;
 mod parts;
+mod refusal;
 mod replay;
 mod rulers;
 mod spots;
+mod squeezed;
 mod stroke;
 mod told;
 
 use std::time::{Duration, Instant};
 
-use ivd_core::{BRICK, Classified as _, ErrorClass, Exec, TransferFunction, Volume, VoxelIndex};
+use ivd_core::{BRICK, Exec, TransferFunction, Volume};
 use ivd_field::clip::ClipParams;
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_render::{Lens, View};
-use ivd_session::{Event, Id, MapChoice, Physics, Session, Settings, Update};
+use ivd_session::{Event, Id, Physics, Session, Settings, Update};
 use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
-use crate::overlay::most_squeezed;
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
 use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
+use refusal::is_move;
 
 /// A solve that takes longer is refused: a window that doesn't answer is worse.
 const MOST_WORK: Duration = Duration::from_secs(15);
@@ -88,7 +90,7 @@ struct Drag {
     across: Across,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
-    /// Where that is refused, what share of the way there is tried; none of less than a tenth.
+    /// Where that is refused, the share of the way there that is tried next; none of less than a tenth.
     share: f64,
 }
 
@@ -261,12 +263,7 @@ impl Model {
                 Ok(())
             }
             Request::ShowSqueezed => {
-                self.overlay = Some(Overlay::Volume);
-                self.touch(&Pane::ALL[1..]);
-                if let Some(voxel) = most_squeezed(self.session.displacement()) {
-                    self.panes.planes.meet(grid.world(VoxelIndex(voxel).into()).0.into(), &grid);
-                    self.moved_cross();
-                }
+                self.show_squeezed();
                 Ok(())
             }
             Request::Overlay { of } => {
@@ -276,6 +273,7 @@ impl Model {
             }
             Request::Compare { shows, at } => self.compare(Compared { shows: *shows, at: *at }),
             Request::Hover { pane, at } => {
+                self.find_hidden();
                 self.hovered = self.hover(*pane, *at)?;
                 Ok(())
             }
@@ -291,7 +289,7 @@ impl Model {
             }
             Request::Drop => {
                 self.come_closest()?;
-                (self.refused, self.hovered) = (None, None);
+                (self.refused, self.hovered) = (self.stopped_short(), None);
                 self.let_go()
             }
             Request::Abandon => {
@@ -384,6 +382,11 @@ impl Model {
 
     /// Applies an event. What can't be followed changes nothing, and the figures say why; only interruption is an error.
     fn apply(&mut self, event: Event) -> Result<(), Error> {
+        self.apply_within(event, MOST_WORK)
+    }
+
+    /// The same where it may take so long.
+    fn apply_within(&mut self, event: Event, most: Duration) -> Result<(), Error> {
         if self.adjusts && !self.session.in_gesture() {
             self.session.begin(event.name())?;
         }
@@ -391,10 +394,11 @@ impl Model {
             self.refused = Some(self.refusal(error.to_string()));
             return Ok(());
         }
-        let exec = self.in_time();
+        let exec = self.exec.clone().with_deadline(Instant::now() + most);
+        let moves = is_move(&event);
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(&update),
-            Err(error) => self.refuse(error, &exec),
+            Err(error) => self.refuse(error, &exec, moves),
         }
     }
 
@@ -403,48 +407,13 @@ impl Model {
         match gone {
             Ok(Some(update)) => self.show(&update),
             Ok(None) => Ok(()),
-            Err(error) => self.refuse(error, exec),
+            Err(error) => self.refuse(error, exec, false),
         }
     }
 
     /// Work that is given up where it takes too long.
     fn in_time(&self) -> Exec {
         self.exec.clone().with_deadline(Instant::now() + MOST_WORK)
-    }
-
-    /// Tells why something wasn't followed.
-    fn refuse(&mut self, error: ivd_session::Error, exec: &Exec) -> Result<(), Error> {
-        if error.error_class() == ErrorClass::Cancelled {
-            return Err(error.into());
-        }
-        let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
-        self.refused = Some(if exec.cancel.is_late() {
-            let most = MOST_WORK.as_secs();
-            self.refusal(format!(
-                "it would take more than {most} s; make the radius smaller, or the lattice coarser by a higher level"
-            ))
-        } else if is_too_far(&error) && self.session.settings().space.is_empty() {
-            let remedy = if is_nearest { "let voxels follow smoothest, take" } else { "take" };
-            let why = format!(
-                "further on, voxels would fold or stay behind; {remedy} a larger radius, or move it less"
-            );
-            Refused { exactly: Some(error.to_string()), smoothest: is_nearest, ..self.refusal(why) }
-        } else {
-            self.refusal(error.to_string())
-        });
-        Ok(())
-    }
-
-    /// A refusal for a reason.
-    fn refusal(&self, why: String) -> Refused {
-        Refused { why, exactly: None, smoothest: false, ahead_mm: self.ahead() }
-    }
-
-    /// How far the hand is from what it holds (mm).
-    fn ahead(&self) -> f64 {
-        let Some(drag) = &self.drag else { return 0.0 };
-        let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
-        held.map_or(0.0, |held| (drag.wanted - by_of(&held.what)).norm())
     }
 
     /// Takes what an event changed into account.
@@ -517,7 +486,14 @@ impl Model {
 
     fn set_radius(&mut self, handle: Option<Id>, radius: f64) -> Result<(), Error> {
         self.radius = radius;
-        handle.map_or(Ok(()), |handle| self.apply(Event::Radius { handle, radius }))
+        let Some(handle) = handle else { return Ok(()) };
+        self.apply(Event::Radius { handle, radius })?;
+        // Within another radius what is held may come closer to the hand.
+        if self.refused.is_none() && self.drag.is_some_and(|drag| drag.handle == handle) && self.is_ahead() {
+            self.drag = self.drag.map(|drag| Drag { share: 0.5, ..drag });
+            self.follow_hand()?;
+        }
+        Ok(())
     }
 
     /// The place that a pane shows (mm, RAS).
@@ -527,31 +503,18 @@ impl Model {
 
     /// What is told beside the pictures.
     pub fn figures(&mut self) -> Figures {
-        self.place_spots();
+        self.find_hidden();
         self.find_classes();
         self.find_clipped();
         Figures::of(self)
     }
 }
 
-/// How far a handle is told to move its vertex.
-fn by_of(handle: &Handle) -> Vector3<f64> {
+/// How far a handle is told to move its vertex; none of one that pulls with a force.
+fn by_of(handle: &Handle) -> Option<Vector3<f64>> {
     match handle.action {
-        Action::Move(by) => Vector3::from(by),
-        Action::Force(_) => Vector3::zeros(),
-    }
-}
-
-/// Whether voxels can't follow a motion that far.
-fn is_too_far(error: &ivd_session::Error) -> bool {
-    use ivd_core::Error::Untrusted;
-    use ivd_session::Error::{Core, Map};
-    match error {
-        Map(ivd_map::Error::Folded { .. }) => true,
-        Core(Untrusted { what, .. }) | Map(ivd_map::Error::Core(Untrusted { what, .. })) => {
-            *what == "the map"
-        }
-        _ => false,
+        Action::Move(by) => Some(Vector3::from(by)),
+        Action::Force(_) => None,
     }
 }
 

@@ -4,13 +4,12 @@ use nalgebra::Vector3;
 
 use super::{Model, no_more_than, nothing_there};
 use crate::figures::Ruler;
+use crate::planes::BESIDE;
 use crate::request::MOST_HANDLES;
 use crate::{Error, Pane, Shows};
 
 /// A line that begins so near to an end of another begins there (shares of the pane).
 const NEAR: f64 = 0.025;
-/// In a slice an end is near that lies so many slices away at most.
-const BESIDE: f64 = 2.5;
 /// A line is no shorter than this share of a voxel diagonal: a click is none.
 const SHORTEST: f64 = 0.2;
 

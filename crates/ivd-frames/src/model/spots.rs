@@ -34,6 +34,7 @@ impl Model {
             Spot {
                 id: one.id,
                 rest: pick.at,
+                away_mm: pick.away(),
                 now,
                 by,
                 with,
@@ -50,6 +51,7 @@ impl Model {
         let pins = settings.fixed.iter().zip(picks).map(|(one, pick)| Spot {
             id: one.id,
             rest: pick.at,
+            away_mm: pick.away(),
             now: self.seen_at(pick.at, pick.at),
             by: None,
             with: None,
@@ -82,19 +84,30 @@ impl Model {
         moved.map_or_else(Vector3::zeros, |frame| Vector3::from(frame.displacement[vertex]))
     }
 
-    /// Finds where the panes show them: slices that they reach, and the volume where what is seen before them is within their reach, too.
-    pub(super) fn place_spots(&mut self) {
+    /// Finds where the panes show them.
+    fn place_spots(&mut self) {
         let grid = self.session.rest().grid();
         let at_rest = self.compared.shows == Shows::Rest;
         let place = |spot: &Spot| if at_rest { spot.rest } else { spot.now };
         for spot in self.spots.iter_mut().chain(&mut self.pins) {
             spot.at = self.panes.shares(grid, &self.lens, place(spot));
+            if self.compared.shows == Shows::Both {
+                // Each half of a picture shows it where it is there.
+                let rest = self.panes.shares(grid, &self.lens, spot.rest);
+                let is_rest = |at: &Option<[f64; 2]>| at.is_some_and(|at| self.compared.is_rest_at(at));
+                spot.at = std::array::from_fn(|n| if is_rest(&spot.at[n]) { rest[n] } else { spot.at[n] });
+            }
             spot.off = self.panes.planes.off(grid, place(spot));
             spot.seen = self.panes.planes.reached(grid, spot.off, spot.radius);
             spot.beside = self.panes.planes.beside(grid, &[place(spot)]);
         }
-        let beside = BESIDE * grid.voxel_diagonal();
-        self.find_hidden();
+    }
+
+    /// Finds which of them slices reach, and which of them what the volume's picture shows before them hides by no more than their radius.
+    pub(super) fn find_hidden(&mut self) {
+        self.place_spots();
+        self.cast_at_spots();
+        let beside = BESIDE * self.session.rest().grid().voxel_diagonal();
         for (spot, by) in self.spots.iter_mut().chain(&mut self.pins).zip(&self.hidden.by) {
             spot.beside[0] = *by > beside;
             spot.seen[0] = *by <= spot.radius.max(beside);
@@ -102,7 +115,7 @@ impl Model {
     }
 
     /// Finds by how much each is hidden in the volume's picture, where that or they have changed.
-    fn find_hidden(&mut self) {
+    fn cast_at_spots(&mut self) {
         let spots = || self.spots.iter().chain(&self.pins);
         let of = (self.versions[Pane::Volume.number()], spots().map(|spot| spot.at[0]).collect());
         if self.hidden.of == of {
@@ -110,6 +123,7 @@ impl Model {
         }
         let (at_rest, towards_eye) = (self.compared.shows == Shows::Rest, Vector3::from(self.lens.axes()[2]));
         let mut by = vec![f64::NEG_INFINITY; of.1.len()];
+        let mut is_known = true;
         // Of divided pictures each half shows a body of its own.
         for half in [false, true] {
             let here = spots().enumerate().filter_map(|(n, spot)| Some((n, spot, spot.at[0]?)));
@@ -118,12 +132,13 @@ impl Model {
             let shares: Vec<[f64; 2]> = here.iter().map(|(.., at)| *at).collect();
             let volume = self.seen(*first);
             let seen = self.panes.look_at_all(&shares, volume, self.transfer.as_ref(), &self.exec);
-            // What can't be told is shown.
+            // What can't be told is shown, and asked again.
+            is_known &= seen.is_ok();
             for ((n, spot, _), seen) in here.iter().zip(seen.unwrap_or_default()) {
-                let place = Vector3::from(if at_rest { spot.rest } else { spot.now });
+                let place = Vector3::from(if at_rest || half { spot.rest } else { spot.now });
                 by[*n] = seen.map_or(by[*n], |seen| (Vector3::from(seen) - place).dot(&towards_eye));
             }
         }
-        self.hidden = Hidden { of, by };
+        self.hidden = Hidden { of: if is_known { of } else { (0, Vec::new()) }, by };
     }
 }

@@ -78,8 +78,12 @@ fn what_is_held_goes_as_far_as_it_can_and_how_far_the_hand_is_ahead_is_told() {
     }
     assert!(before > 1.3 * gone(&good), "{before} of {}", gone(&good));
     let let_go = follow(&mut model, &Request::Drop);
-    assert_eq!((let_go.undo.as_deref(), gone(&let_go)), (Some("drag a new handle"), before));
-    // A tenth of the way to the hand is refused; what is there is what the scene makes.
+    assert_eq!(let_go.undo.as_deref(), Some("drag a new handle"));
+    let told = let_go.refused.clone().unwrap();
+    let said = format!("it went {:.1} mm, not ", gone(&let_go));
+    assert!(told.ahead_mm == 0.0 && told.why.starts_with(&said), "{told:?}");
+    assert!(gone(&let_go) >= before);
+    // What is there is what the scene makes.
     assert_as_piped(&model);
     // One long drag that is let go of comes there as well.
     let handle = let_go.handles[0].id;
@@ -87,7 +91,24 @@ fn what_is_held_goes_as_far_as_it_can_and_how_far_the_hand_is_ahead_is_told() {
     let at = model.figures().handles[0].at[0].unwrap();
     assert_eq!(follow(&mut model, &Request::Grab { pane: Pane::Volume, at }).held, Some(handle));
     follow(&mut model, &Request::Drag { to: [1.4, 0.5], lock: None });
-    assert!(gone(&follow(&mut model, &Request::Drop)) > 1.0);
+    let at_once = gone(&follow(&mut model, &Request::Drop));
+    assert!(at_once > 0.8 * gone(&let_go), "{at_once} of {}", gone(&let_go));
+    // A hand that comes back is followed all the way; what pulls with a force isn't turned back.
+    follow(&mut model, &Request::Grab { pane: Pane::Volume, at });
+    follow(&mut model, &Request::Abandon);
+    follow(&mut model, &Request::Pull { handle, with: [3.0, 0.0, 0.0] });
+    let pulled = model.figures();
+    let at = pulled.handles[0].at[0].unwrap();
+    let by_force = pulled.largest_mm;
+    assert_eq!(follow(&mut model, &Request::Grab { pane: Pane::Volume, at }).held, Some(handle));
+    let refused = follow(&mut model, &Request::Drag { to: [at[0] + 1.0, at[1]], lock: None });
+    assert!(
+        refused.refused.is_some() && refused.largest_mm >= by_force,
+        "{} of {by_force}",
+        refused.largest_mm
+    );
+    let back = follow(&mut model, &Request::Drag { to: [at[0] + 0.005, at[1]], lock: None });
+    assert_eq!(back.refused, None);
 }
 
 #[test]

@@ -96,13 +96,14 @@ const milli = (s) => `${Math.round(1000 * s)} ms`;
 function tell() {
   const f = figures, [solve, map, warp] = f.times;
   const h = f.hovered;
-  const parts = [h ? `${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm` : null, `largest motion ${few(f.largest_mm)} mm`, `det J ≥ ${few(f.min_det_j, 3)}`, `${f.vertices} vertices at level ${f.level}`,
+  const parts = [h ? `${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm` : null, `largest motion ${few(f.largest_mm)} mm`, `volume kept ≥ ${few(Math.floor(1000 * f.min_det_j) / 10, 1)} %`, `${f.vertices} vertices at level ${f.level}`,
     `lattice ${milli(solve)}, map ${milli(map)}, voxels ${milli(warp)}, picture ${milli(f.draw_s)}`];
   status(parts.filter(Boolean).join(" · "));
   // What was refused is past once something is followed.
   if (!f.refused && refused) $("problem").hidden = true;
   refused = Boolean(f.refused);
   if (f.refused) complain(`${f.refused.ahead_mm > 0 ? `The hand is ${few(f.refused.ahead_mm, 1)} mm ahead: ` : ""}${f.refused.why}`);
+  $("problem").title = f.refused?.exactly ?? "";
   $("undo").disabled = !f.undo; $("undo").title = f.undo ? `Undo: ${f.undo}` : "";
   $("redo").disabled = !f.redo; $("redo").title = f.redo ? `Redo: ${f.redo}` : "";
   for (const key of ["radius", "stiffness", "level", "map"]) {

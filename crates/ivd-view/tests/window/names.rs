@@ -7,6 +7,7 @@ use egui::accesskit::Role;
 use egui_kittest::kittest::{AccessKitNode, NodeT as _};
 
 use super::common::Here;
+use super::keyboard::chosen;
 
 /// What holds parts, and words that say what is shown just now, are none themselves.
 fn is_part(node: &AccessKitNode<'_>) -> bool {
@@ -45,7 +46,7 @@ fn every_part_has_a_name_of_its_own() {
         ("Cut where the slices meet", "Cut along the sagittal slice"),
         ("Clip by a plane", "Plane along the axial slice"),
     ] {
-        here.press(menu);
+        chosen(&mut here, menu);
         here.harness.run_ok();
         assert_named(&here);
         here.press(item);
@@ -55,7 +56,7 @@ fn every_part_has_a_name_of_its_own() {
         });
         here.harness.run_ok();
     }
-    here.press("Keep a box");
+    chosen(&mut here, "Keep a box");
     here.told("a cut, a plane and a box", |told| told.incision.is_some() && told.clips.len() == 2);
     here.harness.run_ok();
     assert_named(&here);

@@ -1,0 +1,92 @@
+//! Why something wasn't followed, and how far a hand is from what it holds.
+
+use ivd_core::{Classified as _, ErrorClass, Exec};
+use ivd_session::{Event, MapChoice};
+
+use super::{MOST_WORK, Model, by_of};
+use crate::Error;
+use crate::figures::Refused;
+
+/// A hand that is ahead by less than so much of a voxel is where it wants to be.
+const AHEAD: f64 = 0.2;
+
+impl Model {
+    /// Tells why something wasn't followed; `moves`: it says how far something goes.
+    pub(super) fn refuse(
+        &mut self,
+        error: ivd_session::Error,
+        exec: &Exec,
+        moves: bool,
+    ) -> Result<(), Error> {
+        if error.error_class() == ErrorClass::Cancelled {
+            return Err(error.into());
+        }
+        let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
+        self.refused = Some(if exec.cancel.is_late() {
+            let most = MOST_WORK.as_secs();
+            self.refusal(format!(
+                "it would take more than {most} s; make the radius smaller, or the lattice coarser by a higher level"
+            ))
+        } else if is_too_far(&error) {
+            let remedy = if is_nearest { "let voxels follow smoothest, take" } else { "take" };
+            let when = if moves { "further on" } else { "by what is moved now" };
+            let less = if moves { "move it less" } else { "move that less" };
+            let why =
+                format!("{when}, voxels would fold or stay behind; {remedy} a larger radius, or {less}");
+            Refused { exactly: Some(error.to_string()), smoothest: is_nearest, ..self.refusal(why) }
+        } else {
+            self.refusal(error.to_string())
+        });
+        Ok(())
+    }
+
+    /// A refusal for a reason.
+    pub(super) fn refusal(&self, why: String) -> Refused {
+        Refused { why, exactly: None, smoothest: false, ahead_mm: self.ahead() }
+    }
+
+    /// How far the hand is from what it holds (mm).
+    pub(super) fn ahead(&self) -> f64 {
+        let Some(drag) = &self.drag else { return 0.0 };
+        let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
+        held.map_or(0.0, |held| (drag.wanted - by_of(&held.what).unwrap_or(drag.by)).norm())
+    }
+
+    /// What is told of a handle that is let go of where its hand isn't.
+    pub(super) fn stopped_short(&self) -> Option<Refused> {
+        let (drag, refused) = self.drag.zip(self.refused.clone())?;
+        let asked = drag.wanted.norm();
+        let gone = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
+        let gone = gone.and_then(|held| by_of(&held.what)).unwrap_or(drag.by).norm();
+        let why = format!("it went {gone:.1} mm, not {asked:.1} mm; {}", refused.why);
+        Some(Refused { why, ahead_mm: 0.0, ..refused })
+    }
+
+    /// Whether that is noticeable.
+    pub(super) fn is_ahead(&self) -> bool {
+        self.ahead() >= self.noticeable()
+    }
+
+    /// A length that is noticed (mm).
+    pub(super) fn noticeable(&self) -> f64 {
+        AHEAD * self.session.rest().grid().voxel_diagonal()
+    }
+}
+
+/// Whether an event says how far a handle goes.
+pub(super) fn is_move(event: &Event) -> bool {
+    matches!(event, Event::Add { .. } | Event::Move { .. } | Event::Pull { .. } | Event::Radius { .. })
+}
+
+/// Whether voxels can't follow a motion that far: a map that folds, or one that leaves the lattice behind where it doesn't.
+fn is_too_far(error: &ivd_session::Error) -> bool {
+    use ivd_core::Error::Untrusted;
+    use ivd_session::Error::{Core, Map};
+    match error {
+        Map(ivd_map::Error::Folded { .. }) => true,
+        Core(Untrusted { problem, .. }) | Map(ivd_map::Error::Core(Untrusted { problem, .. })) => {
+            problem.starts_with("kept free of folds")
+        }
+        _ => false,
+    }
+}
