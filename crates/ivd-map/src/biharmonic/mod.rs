@@ -356,7 +356,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     ) -> Result<(Made, Step), Error> {
         let grid = self.lattice.grid();
         let motions = &job.motions;
-        let whole = Step::solve(system, job.region, &self.positions, motions, start, TOLERANCE);
+        let whole = Step::solve(system, job.region, &self.positions, motions, start, TOLERANCE, exec)?;
         let bricks = whole.field(grid, system, job.region).sample(None, job.bricks, exec)?;
         let field = cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)?;
         let mut solved = SolveFigures {
@@ -483,7 +483,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let grid = self.lattice.grid();
         let motions: Vec<Vector3<f64>> =
             wanted.iter().zip(&self.positions).zip(at).map(|((u, p), at)| p + u - at).collect();
-        let step = Step::solve(equations, job.region, at, &motions, None, LOOSE);
+        let step = Step::solve(equations, job.region, at, &motions, None, LOOSE, exec)?;
         step.count(solved);
         let bricks = step.field(grid, equations, job.region).sample(Some(field), job.bricks, exec)?;
         cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)

@@ -9,6 +9,8 @@
 
 use std::borrow::Cow;
 
+use ivd_core::{Error, Exec};
+
 use super::matrix::{Dense, Matrix, Triple, dot};
 use super::nodes::Level as Nodes;
 
@@ -83,7 +85,16 @@ impl Hierarchy {
     }
 
     /// Conjugate gradients from `start`, an axis at a time in step, until `|b − A x| ≤ tolerance · |b|`.
-    pub(super) fn solve(&self, b: &[Triple], start: Vec<Triple>, tolerance: f64) -> Solution {
+    ///
+    /// # Errors
+    /// Cancellation, which each step hears.
+    pub(super) fn solve(
+        &self,
+        b: &[Triple],
+        start: Vec<Triple>,
+        tolerance: f64,
+        exec: &Exec,
+    ) -> Result<Solution, Error> {
         let norm = |v: &[Triple]| dot(v, v).iter().sum::<f64>().sqrt();
         let whole = norm(b);
         let mut x = start;
@@ -94,6 +105,7 @@ impl Hierarchy {
         let mut iterations = 0;
         let mut residual = norm(&r);
         while residual > tolerance * whole && iterations < ITERATIONS {
+            exec.check_cancelled()?;
             let z = self.cycle(0, &r);
             let next = dot(&r, &z);
             let beta = ratio(next, rz);
@@ -114,7 +126,7 @@ impl Hierarchy {
             residual = norm(&r);
             iterations += 1;
         }
-        Solution { values: x, iterations, residual: if whole > 0.0 { residual / whole } else { 0.0 } }
+        Ok(Solution { values: x, iterations, residual: if whole > 0.0 { residual / whole } else { 0.0 } })
     }
 
     /// A V-cycle: an approximate `A⁻¹ b`.

@@ -1,6 +1,6 @@
 //! One motion of the vertices and the field that follows it.
 
-use ivd_core::Grid;
+use ivd_core::{Error, Exec, Grid};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -31,6 +31,9 @@ pub(super) struct Step {
 impl Step {
     /// Finds the field for the motions (mm) of vertices at `places` (mm), to a residual relative to the equations' right-hand
     /// side.
+    ///
+    /// # Errors
+    /// Cancellation.
     pub(super) fn solve(
         system: &System,
         region: &Region,
@@ -38,7 +41,8 @@ impl Step {
         motions: &[Vector3<f64>],
         start: Option<Vec<Triple>>,
         tolerance: f64,
-    ) -> Self {
+        exec: &Exec,
+    ) -> Result<Self, Error> {
         let affine = Affine::fit(places, motions);
         let windows: Vec<f64> = places.par_iter().map(|p| region.weight(*p)).collect();
         let rest: Vec<Vector3<f64>> = match &affine {
@@ -56,10 +60,10 @@ impl Step {
             residual: 0.0,
         };
         if most(&step.rest) > ROUNDING * most(motions) {
-            let found = system.solve(&step.rest, start, tolerance);
+            let found = system.solve(&step.rest, start, tolerance, exec)?;
             (step.nodes, step.iterations, step.residual) = (found.values, found.iterations, found.residual);
         }
-        step
+        Ok(step)
     }
 
     /// Motion (mm) of a vertex after the part `t` of the way: a part of the affine turn, and straight on for the rest.

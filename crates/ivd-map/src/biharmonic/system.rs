@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::Grid;
+use ivd_core::{Error, Exec, Grid};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -93,10 +93,11 @@ impl System {
         motions: &[Vector3<f64>],
         start: Option<Vec<Triple>>,
         tolerance: f64,
-    ) -> Solution {
+        exec: &Exec,
+    ) -> Result<Solution, Error> {
         let right = self.right_side(motions);
         let start = start.unwrap_or_else(|| vec![[0.0; 3]; right.len()]);
-        self.hierarchy.solve(&right, start, tolerance)
+        self.hierarchy.solve(&right, start, tolerance, exec)
     }
 
     fn right_side(&self, motions: &[Vector3<f64>]) -> Vec<Triple> {

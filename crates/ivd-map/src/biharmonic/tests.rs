@@ -184,7 +184,7 @@ fn minimiser_is_that_of_the_plain_dense_equations() {
         assert!((30..2500).contains(&n), "{n} nodes");
         let (matrix, right) = plain_matrix(&system, &scene, &region);
         let plain = (matrix + DMatrix::identity(n, n) * 1e-9).cholesky().unwrap().solve(&right);
-        let found = system.solve(&scene.motions(), None, 1e-12);
+        let found = system.solve(&scene.motions(), None, 1e-12, &Exec::default()).unwrap();
         let most = plain.amax();
         let worst = (0..n).flat_map(|i| (0..3).map(move |a| (i, a)));
         let worst = worst.map(|(i, a)| (found.values[i][a] - plain[(i, a)]).abs()).fold(0.0, f64::max);
@@ -209,7 +209,7 @@ fn iterations_hardly_grow_with_the_region() {
         let push = ivd_field::fixtures::bump(top, radius, Vector3::new(0.0, 0.0, 0.2 * radius));
         let scene = scene(&grid, ball(centre, radius), push, &[(top, radius)]);
         let (_, system) = scene.system(&smooth());
-        let found = system.solve(&scene.motions(), None, 1e-8);
+        let found = system.solve(&scene.motions(), None, 1e-8, &Exec::default()).unwrap();
         told.push((system.cells.nodes.free.len(), found.iterations));
         assert!(found.residual <= 1e-8);
     }
@@ -473,4 +473,9 @@ fn motions_that_no_vector_holds_and_cancelled_work_end_with_a_reason() {
     exec.cancel.cancel();
     let error = dented(1.0, 3.0).smooth(&smooth(), &exec).unwrap_err();
     assert_eq!(error.error_class(), ivd_core::ErrorClass::Cancelled);
+    // Large equations take long: they hear it as well.
+    let stopped = dented(1.0, 3.0);
+    let (_, system) = stopped.system(&smooth());
+    assert!(system.solve(&stopped.motions(), None, 1e-8, &Exec::default()).is_ok());
+    assert!(system.solve(&stopped.motions(), None, 1e-8, &exec).is_err());
 }
