@@ -83,7 +83,7 @@ pub fn bare_scene(file: &Path, overrides: &[Override]) -> Result<Loaded, Error> 
 impl Subject {
     /// Does what a session needs of a scene: reads its volume, finds colours, cuts the lattice.
     ///
-    /// - `is_bare`: whether the scene is that of a bare scan, whose level is chosen here.
+    /// - `is_bare`: whether the scene is that of a bare scan, whose level and map are chosen here.
     /// - `tell`: is told the stages, each as it begins, and the scan as soon as it is read.
     ///
     /// # Errors
@@ -146,6 +146,11 @@ impl Subject {
             let level = (vertices as f64 / MANY_VERTICES as f64).log(4.0).ceil().max(0.0) as u64;
             scene.set(refine, &[("level", Some(json!(level)))])?;
             said.push(format!("level {level}, for {vertices} vertices as cut"));
+        }
+        if is_bare && scene.param(&ivd_map::STAGE, "method").is_none() {
+            // Hands press anywhere, on thin walls as well, where what lies nearest can't follow far.
+            scene.set(&ivd_map::STAGE, &[("method", Some(json!("biharmonic")))])?;
+            said.push("voxels follow smoothest".to_owned());
         }
         let settings = settings(&scene)?;
         let part = done.iter().find(|(id, _)| id.stage == ivd_boundary::STAGE.name);

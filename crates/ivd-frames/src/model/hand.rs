@@ -17,12 +17,16 @@ use crate::{Axis, Error, Pane};
 const NEAR: f64 = 0.025;
 /// Less of the way to a hand that is ahead isn't tried.
 const LEAST_SHARE: f64 = 0.02;
+/// Of a way that is longer than this share of the radius no more is tried to be gone at once.
+const FARTHEST: f64 = 0.5;
+/// A hand that drags isn't followed where that takes longer: what comes closer does.
+const MOST_DRAG: Duration = Duration::from_secs(3);
 /// So often what is held is tried to come closer at a time.
 const TRIES: usize = 4;
 /// A window that is at work waits no longer than this, and one try, for that; ...
 const AT_WORK: Duration = Duration::from_millis(200);
-/// ... and this once it is let go of. No try takes longer than this.
-const QUICK: Duration = Duration::from_secs(1);
+/// ... and this once it is let go of. No try takes longer than that.
+const QUICK: Duration = Duration::from_secs(2);
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
 
@@ -150,21 +154,23 @@ impl Model {
     pub(super) fn follow_hand(&mut self) -> Result<(), Error> {
         let Some(drag) = self.drag else { return Ok(()) };
         let began = Instant::now();
-        self.apply(Event::Move { handle: drag.handle, by: drag.wanted.into() })?;
+        self.apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, MOST_DRAG)?;
         self.try_closer(began + AT_WORK)
     }
 
-    /// Tries a few times to come closer to a hand that is ahead, no more once it is late.
+    /// Tries a few times to come closer to a hand that is ahead, once it is late no more than once.
     fn try_closer(&mut self, late: Instant) -> Result<(), Error> {
-        for _ in 0..TRIES {
-            if self.drag.is_some() && self.refused.is_some() && Instant::now() < late {
+        for tried in 0..TRIES {
+            let goes_on = tried == 0 || Instant::now() < late;
+            if goes_on && self.drag.is_some() && self.refused.is_some() {
                 self.come_closer()?;
             }
         }
         Ok(())
     }
 
-    /// What is held comes closer to a hand that it can't follow all the way: half as far, or less where that was refused before. Why it can't stays told.
+    /// What is held comes closer to a hand that it can't follow all the way: half as far, half of half the radius at most, or less where that was refused before.
+    /// Why it can't stays told.
     fn come_closer(&mut self) -> Result<(), Error> {
         let Some((drag, refused)) = self.drag.zip(self.refused.clone()) else { return Ok(()) };
         if drag.share < LEAST_SHARE || !self.is_ahead() {
@@ -172,7 +178,10 @@ impl Model {
         }
         let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
         let by = held.and_then(|held| by_of(&held.what)).unwrap_or(drag.by);
-        let there = by + drag.share * (drag.wanted - by);
+        // How far can be gone goes by the radius: from a hand that is far away it would be found late.
+        let radius = held.map_or(f64::INFINITY, |held| held.what.radius);
+        let way = drag.wanted - by;
+        let there = by + way * (drag.share * (FARTHEST * radius / way.norm()).min(1.0));
         self.apply_within(Event::Move { handle: drag.handle, by: there.into() }, QUICK)?;
         let share = if self.refused.is_none() { 0.5 } else { 0.5 * drag.share };
         self.drag = Some(Drag { share, ..drag });

@@ -398,7 +398,7 @@ impl Model {
         let moves = is_move(&event);
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(&update),
-            Err(error) => self.refuse(error, &exec, moves),
+            Err(error) => self.refuse(error, &exec, (moves, most)),
         }
     }
 
@@ -407,7 +407,7 @@ impl Model {
         match gone {
             Ok(Some(update)) => self.show(&update),
             Ok(None) => Ok(()),
-            Err(error) => self.refuse(error, exec, false),
+            Err(error) => self.refuse(error, exec, (false, MOST_WORK)),
         }
     }
 

@@ -1,9 +1,11 @@
 //! Why something wasn't followed, and how far a hand is from what it holds.
 
+use std::time::Duration;
+
 use ivd_core::{Classified as _, ErrorClass, Exec};
 use ivd_session::{Event, MapChoice};
 
-use super::{MOST_WORK, Model, by_of};
+use super::{Model, by_of};
 use crate::Error;
 use crate::figures::Refused;
 
@@ -11,19 +13,19 @@ use crate::figures::Refused;
 const AHEAD: f64 = 0.2;
 
 impl Model {
-    /// Tells why something wasn't followed; `moves`: it says how far something goes.
+    /// Tells why something wasn't followed; `moves`: it says how far something goes; `most`: how long it might take.
     pub(super) fn refuse(
         &mut self,
         error: ivd_session::Error,
         exec: &Exec,
-        moves: bool,
+        (moves, most): (bool, Duration),
     ) -> Result<(), Error> {
         if error.error_class() == ErrorClass::Cancelled {
             return Err(error.into());
         }
         let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
         self.refused = Some(if exec.cancel.is_late() {
-            let most = MOST_WORK.as_secs();
+            let most = most.as_secs();
             self.refusal(format!(
                 "it would take more than {most} s; make the radius smaller, or the lattice coarser by a higher level"
             ))
