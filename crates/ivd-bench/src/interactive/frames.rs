@@ -73,7 +73,13 @@ pub struct FrameBench {
 pub fn followed(source: &Source, count: usize, exec: &Exec) -> Result<FrameBench, Problem> {
     let load = load();
     let start = Instant::now();
-    let opened = source.read()?;
+    let mut opened = source.read()?;
+    if opened.is_bare && !source.overrides.iter().any(|one| one.path.join(".") == "map.method") {
+        // By the map that the rest of the bench has, not by the one that windows choose.
+        let mut source = source.clone();
+        source.overrides.push("map.method=\"octree\"".parse()?);
+        opened = source.read()?;
+    }
     let (sender, outputs) = channel();
     let (its, told) = (exec.clone(), Arc::new(OnceLock::new()));
     let tells = told.clone();
