@@ -9,8 +9,8 @@ use crate::window::Window;
 
 /// By how much a field changes when the pointer is dragged over it by a point (degrees, mm).
 const SPEED: f64 = 0.1;
-/// What rings can't.
-const RINGS: &str = "Distance alone knows no bones: let the surface follow by springs.";
+/// What distance alone can't.
+const DISTANCE: &str = "Distance alone knows no bones: let the surface follow by springs.";
 /// How one is made.
 const DRAW: &str = "With the tool Bone draw a line along it, from its joint on. What of the surface lies round it moves as one, and what is within reach of that follows.";
 /// What a bone may turn about.
@@ -25,7 +25,7 @@ impl Window {
         }
         ui.heading("Bones").on_hover_text(DRAW);
         if figures.solver == "ring" {
-            ui.weak(RINGS);
+            ui.weak(DISTANCE);
         } else if self.tool == Tool::Bone {
             let places = two_places(ui, "Bone", &mut self.bone_from, figures.cross);
             if let Some([from, to]) = places {

@@ -96,15 +96,11 @@ impl Window {
                 self.word = Some(word);
             }
             let figures = &frame.figures;
-            if let Some(id) = self.dropped_one.filter(|_| figures.held.is_none()) {
-                self.dropped_one = None;
-                // Seen from outside alone it would not be seen in any slice.
-                let there = figures.handles.iter().find(|one| one.id == id).map(go_to);
-                self.shown.frame(frame, context);
-                self.ask_all(there.into_iter().flatten());
-            } else {
-                self.shown.frame(frame, context);
-            }
+            let dropped = self.dropped_one.take_if(|_| figures.held.is_none());
+            // Seen from outside alone it would not be seen in any slice.
+            let there = figures.handles.iter().find(|one| dropped == Some(one.id)).map(go_to);
+            self.shown.frame(frame, context);
+            self.ask_all(there.into_iter().flatten());
         }
         for problem in problems {
             // What was to be kept and isn't comes no more.
@@ -191,7 +187,7 @@ impl Window {
         };
         let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
         let (text, exactly, smoothest) = (word.text.clone(), word.exactly.clone(), word.smoothest);
-        let is_nearest = self.shown.figures().is_some_and(|figures| figures.depth.is_some());
+        let is_nearest = self.shown.figures().is_some_and(|figures| figures.map == "octree");
         let chosen = ui.horizontal_centered(|ui| {
             let chosen = smoothest && is_nearest && ui.button("Follow smoothest").clicked();
             // A warning has room beside it.
@@ -219,10 +215,6 @@ impl Window {
 fn refusal(figures: &Figures) -> Option<Word> {
     let Refused { why, exactly, smoothest, ahead_mm } = figures.refused.as_ref()?;
     let ahead = if *ahead_mm > 0.0 { format!("The hand is {ahead_mm:.1} mm ahead: ") } else { String::new() };
-    Some(Word {
-        text: format!("{ahead}{why}"),
-        exactly: exactly.clone(),
-        smoothest: *smoothest,
-        ..Word::problem(String::new())
-    })
+    let word = Word::problem(format!("{ahead}{why}"));
+    Some(Word { exactly: exactly.clone(), smoothest: *smoothest, ..word })
 }

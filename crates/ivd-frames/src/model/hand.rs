@@ -6,7 +6,7 @@ use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
-use super::{Drag, Model, by_of, no_more_than, nothing_there};
+use super::{Drag, Model, no_more_than, nothing_there};
 use crate::figures::{Hovered, Refused, Spot};
 use crate::panes::Across;
 use crate::planes::value_at;
@@ -172,16 +172,15 @@ impl Model {
     /// What is held comes closer to a hand that it can't follow all the way: half as far, half of half the radius at most, or less where that was refused before.
     /// Why it can't stays told.
     fn come_closer(&mut self) -> Result<(), Error> {
-        let Some((drag, refused)) = self.drag.zip(self.refused.clone()) else { return Ok(()) };
+        let Some(((drag, handle, by), refused)) = self.held().zip(self.refused.clone()) else {
+            return Ok(());
+        };
         if drag.share < LEAST_SHARE || !self.is_ahead() {
             return Ok(());
         }
-        let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
-        let by = held.and_then(|held| by_of(&held.what)).unwrap_or(drag.by);
         // How far can be gone goes by the radius: from a hand that is far away it would be found late.
-        let radius = held.map_or(f64::INFINITY, |held| held.what.radius);
         let way = drag.wanted - by;
-        let there = by + way * (drag.share * (FARTHEST * radius / way.norm()).min(1.0));
+        let there = by + way * (drag.share * (FARTHEST * handle.radius / way.norm()).min(1.0));
         self.apply_within(Event::Move { handle: drag.handle, by: there.into() }, QUICK)?;
         let share = if self.refused.is_none() { 0.5 } else { 0.5 * drag.share };
         self.drag = Some(Drag { share, ..drag });

@@ -90,7 +90,7 @@ struct Drag {
     across: Across,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
-    /// Where that is refused, the share of the way there that is tried next; none of less than a tenth.
+    /// Where that is refused, the share of the way there that is tried next.
     share: f64,
 }
 
@@ -394,7 +394,7 @@ impl Model {
             self.refused = Some(self.refusal(error.to_string()));
             return Ok(());
         }
-        let exec = self.exec.clone().with_deadline(Instant::now() + most);
+        let exec = self.within(most);
         let moves = is_move(&event);
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(&update),
@@ -413,7 +413,12 @@ impl Model {
 
     /// Work that is given up where it takes too long.
     fn in_time(&self) -> Exec {
-        self.exec.clone().with_deadline(Instant::now() + MOST_WORK)
+        self.within(MOST_WORK)
+    }
+
+    /// Work that is given up where it takes longer.
+    fn within(&self, most: Duration) -> Exec {
+        self.exec.clone().with_deadline(Instant::now() + most)
     }
 
     /// Takes what an event changed into account.

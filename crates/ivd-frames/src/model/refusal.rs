@@ -3,9 +3,11 @@
 use std::time::Duration;
 
 use ivd_core::{Classified as _, ErrorClass, Exec};
+use ivd_motion::handles::Handle;
 use ivd_session::{Event, MapChoice};
+use nalgebra::Vector3;
 
-use super::{Model, by_of};
+use super::{Drag, Model, by_of};
 use crate::Error;
 use crate::figures::Refused;
 
@@ -49,17 +51,20 @@ impl Model {
 
     /// How far the hand is from what it holds (mm).
     pub(super) fn ahead(&self) -> f64 {
-        let Some(drag) = &self.drag else { return 0.0 };
-        let held = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
-        held.map_or(0.0, |held| (drag.wanted - by_of(&held.what).unwrap_or(drag.by)).norm())
+        self.held().map_or(0.0, |(drag, _, by)| (drag.wanted - by).norm())
+    }
+
+    /// What is held: by what hand, which handle, and how far that has gone. One that pulls with a force is where that has taken it.
+    pub(super) fn held(&self) -> Option<(Drag, &Handle, Vector3<f64>)> {
+        let drag = self.drag?;
+        let handle = &self.session.settings().handles.iter().find(|one| one.id == drag.handle)?.what;
+        Some((drag, handle, by_of(handle).unwrap_or(drag.by)))
     }
 
     /// What is told of a handle that is let go of where its hand isn't.
     pub(super) fn stopped_short(&self) -> Option<Refused> {
-        let (drag, refused) = self.drag.zip(self.refused.clone())?;
-        let asked = drag.wanted.norm();
-        let gone = self.session.settings().handles.iter().find(|one| one.id == drag.handle);
-        let gone = gone.and_then(|held| by_of(&held.what)).unwrap_or(drag.by).norm();
+        let ((drag, _, by), refused) = self.held().zip(self.refused.clone())?;
+        let (asked, gone) = (drag.wanted.norm(), by.norm());
         let why = format!("it went {gone:.1} mm, not {asked:.1} mm; {}", refused.why);
         Some(Refused { why, ahead_mm: 0.0, ..refused })
     }

@@ -121,7 +121,7 @@ impl Model {
         if self.hidden.of == of {
             return;
         }
-        let (at_rest, towards_eye) = (self.compared.shows == Shows::Rest, Vector3::from(self.lens.axes()[2]));
+        let towards_eye = Vector3::from(self.lens.axes()[2]);
         let mut by = vec![f64::NEG_INFINITY; of.1.len()];
         let mut is_known = true;
         // Of divided pictures each half shows a body of its own.
@@ -135,7 +135,7 @@ impl Model {
             // What can't be told is shown, and asked again.
             is_known &= seen.is_ok();
             for ((n, spot, _), seen) in here.iter().zip(seen.unwrap_or_default()) {
-                let place = Vector3::from(if at_rest || half { spot.rest } else { spot.now });
+                let place = Vector3::from(if half { spot.rest } else { spot.now });
                 by[*n] = seen.map_or(by[*n], |seen| (Vector3::from(seen) - place).dot(&towards_eye));
             }
         }
