@@ -63,7 +63,6 @@ impl Model {
             beside: [false; 4],
         });
         (self.pins, self.spots) = (pins.collect(), spots);
-        self.place_spots();
         Ok(())
     }
 
