@@ -1,4 +1,4 @@
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Exec, ParamError, TransferFunction};
 
 use crate::figures::Figures;
@@ -17,7 +17,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("transfer")
     }],
     quiet: false,
-    memory: [12, 0],
+    memory: Memory { voxel: 6, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[method::<Params>("")];
 

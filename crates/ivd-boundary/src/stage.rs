@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Want, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Place, Stage, Want, method};
 use ivd_core::{Artefact, Exec, Kind, Labels, Mask, ParamError, Value as _, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("mask")
     }],
     quiet: false,
-    memory: [24, 0],
+    memory: Memory { voxel: 24, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[
     method::<ComponentParams>("component"),

@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, Remark, Stage, Want, method};
+use ivd_core::op::{Amount, Failure, Memory, Method, Op, Place, Remark, Stage, Want, method};
 use ivd_core::{Displacement, Exec, Labels, Lattice, Motion, Octree, ParamError, slots};
 use ivd_field::param::is_cell;
 
@@ -17,7 +17,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice", "octree", "motion"],
     places: &[Place { amount: Amount::VoxelsInReach, ..Place::only("displacement") }],
     quiet: false,
-    memory: [60, 300],
+    memory: Memory { voxel: 0, reached: 15, triangle: 100 },
 };
 const METHODS: &[Method] = &[
     method::<OctreeParams>("octree"),
@@ -47,6 +47,15 @@ fn chosen(frame: Option<u32>, motion: &Motion) -> usize {
 /// Raised for all methods together: what they share is most of them.
 const REVISION: u32 = 9;
 
+/// What is taken for each voxel that is reached, with cells of 1, 2 and 4 voxels.
+fn by_cell(cell: Option<u8>, bytes: [u64; 3]) -> u64 {
+    match cell {
+        Some(1) => bytes[0],
+        Some(2) => bytes[1],
+        _ => bytes[2],
+    }
+}
+
 impl Op for OctreeParams {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
@@ -67,6 +76,10 @@ impl Op for BiharmonicParams {
     type Output = Displacement;
     type Figures = MapFigures;
 
+    fn memory(&self) -> Option<Memory> {
+        Some(Memory { voxel: 0, reached: by_cell(self.cell, [360, 55, 40]), triangle: 300 })
+    }
+
     fn check_together(&self) -> Result<(), ParamError> {
         is_cell("cell", self.cell)
     }
@@ -84,6 +97,10 @@ impl Op for BodyParams {
     type Output = Displacement;
     type Figures = MapFigures;
 
+    fn memory(&self) -> Option<Memory> {
+        Some(Memory { voxel: 0, reached: 12, triangle: 60 })
+    }
+
     fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
         let Moving { lattice, motion } = inputs;
         Ok(body(lattice, motion, chosen(self.frame, motion), self, exec)?.into())
@@ -96,6 +113,10 @@ impl Op for FemParams {
     type Inputs<'a> = Labelled<'a>;
     type Output = Displacement;
     type Figures = MapFigures;
+
+    fn memory(&self) -> Option<Memory> {
+        Some(Memory { voxel: 0, reached: by_cell(self.cell, [240, 65, 55]), triangle: 60 })
+    }
 
     fn check_together(&self) -> Result<(), ParamError> {
         is_cell("cell", self.cell)

@@ -1,4 +1,4 @@
-use ivd_core::op::{Amount, Failure, Method, Op, Place, Stage, method};
+use ivd_core::op::{Amount, Failure, Memory, Method, Op, Place, Stage, method};
 use ivd_core::{Exec, Lattice, Octree, ParamError, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,7 +19,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("octree")
     }],
     quiet: false,
-    memory: [1, 60],
+    memory: Memory { voxel: 1, reached: 0, triangle: 60 },
 };
 const METHODS: &[Method] = &[method::<Params>("")];
 

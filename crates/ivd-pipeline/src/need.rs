@@ -1,27 +1,29 @@
 //! About how much memory a stage takes: what the message of a run that its limit stopped names.
 //!
-//! Nothing is decided by it. The numbers stand at the stages ([`ivd_core::op::Stage::memory`]) and are generous: what is named is to do, and may be
-//! several times what is needed. `tests/memory/cage.py` measures what is.
+//! Nothing is decided by it. The numbers stand at the stages ([`ivd_core::op::Stage::memory`]) and their methods, as measured where all is reached: what is
+//! named is to do, and is more than is needed where less is. `tests/memory/cage.py` measures what is.
 
 use ivd_artefact::Artefact;
-use ivd_core::{Classified as _, ErrorClass, Exec, Grid, Lattice};
+use ivd_core::op::Memory;
+use ivd_core::{Classified as _, ErrorClass, Exec, Grid, Lattice, Motion};
 
 use crate::stage::Inputs;
 use crate::{Error, resource};
 
 const MIB: u64 = 1 << 20;
 /// The program, its threads, and what is small of every stage (bytes).
-const BASE: u64 = 64 * MIB;
+const BASE: u64 = 32 * MIB;
 
 /// How large what is worked on is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(crate) struct Size {
     pub(crate) voxels: u64,
+    pub(crate) reached: u64,
     pub(crate) triangles: u64,
 }
 
 impl Size {
-    /// Of the largest grid and lattice among a stage's inputs.
+    /// Of the largest grid, motion and lattice among a stage's inputs.
     pub(crate) fn of(inputs: &Inputs) -> Self {
         inputs.artefacts().fold(Self::default(), Self::with)
     }
@@ -30,8 +32,28 @@ impl Size {
     pub(crate) fn with(self, artefact: &Artefact) -> Self {
         let voxels = grid(artefact).map_or(0, |grid| grid.len() as u64);
         let triangles = lattice(artefact).map_or(0, |lattice| lattice.triangles().len() as u64);
-        Self { voxels: self.voxels.max(voxels), triangles: self.triangles.max(triangles) }
+        let reached = if let Artefact::Motion(motion) = artefact { reached(motion) } else { 0 };
+        Self {
+            voxels: self.voxels.max(voxels),
+            reached: self.reached.max(reached),
+            triangles: self.triangles.max(triangles),
+        }
     }
+}
+
+/// About how many voxels a motion's map works on: boxes round what it reaches, with a band as wide as maps make it.
+fn reached(motion: &Motion) -> u64 {
+    let grid = motion.grid();
+    if motion.reach().is_empty() {
+        return grid.len() as u64;
+    }
+    let band = (4.0 * motion.max_displacement()).max(2.0 * grid.voxel_diagonal());
+    let along = |radius: f64, a: usize| {
+        let voxels = 2.0 * (radius + band) / grid.spacing()[a] + 1.0;
+        voxels.min(grid.dims()[a] as f64)
+    };
+    let boxes = motion.reach().iter().map(|ball| (0..3).map(|a| along(ball.radius, a)).product::<f64>());
+    (boxes.sum::<f64>() as u64).min(grid.len() as u64)
 }
 
 fn grid(artefact: &Artefact) -> Option<&Grid> {
@@ -50,12 +72,14 @@ fn lattice(artefact: &Artefact) -> Option<&Lattice> {
     if let Artefact::Lattice(lattice) = artefact { Some(lattice) } else { None }
 }
 
-/// What makes a grid's values of other grids' values and is no stage of the list (bytes a voxel, a triangle).
-pub(crate) const OTHERS: [u64; 2] = [20, 100];
+/// What makes a grid's values of other grids' values and is no stage of the list.
+pub(crate) const OTHERS: Memory = Memory { voxel: 20, reached: 0, triangle: 100 };
 
 /// About how much a stage that takes so much takes beside what is held when it begins (bytes); `None` where nothing is known of its size yet.
-pub(crate) fn about([voxel, triangle]: [u64; 2], size: Size) -> Option<u64> {
-    (size != Size::default()).then_some(BASE + voxel * size.voxels + triangle * size.triangles)
+pub(crate) fn about(memory: Memory, size: Size) -> Option<u64> {
+    let parts =
+        [(memory.voxel, size.voxels), (memory.reached, size.reached), (memory.triangle, size.triangles)];
+    (size != Size::default()).then_some(BASE + parts.map(|(each, count)| each * count).iter().sum::<u64>())
 }
 
 /// An error, with the limit that would do where a memory limit ended the work: `held` (MiB) at the beginning, and what the work takes, which
@@ -123,15 +147,16 @@ mod tests {
             let scene = crate::scene::parse(&text, &[]).unwrap();
             crate::Stage::memory(scene.section(&ivd_lattice::refine::STAGE).unwrap())
         };
-        assert_eq!(takes("decimate"), ivd_lattice::refine::STAGE.memory);
-        assert!(takes("collapse")[1] < takes("decimate")[1]);
+        assert_eq!(takes("loop"), ivd_lattice::refine::STAGE.memory);
+        assert!(takes("collapse").triangle < takes("loop").triangle);
     }
 
     #[test]
     fn more_to_work_on_takes_more() {
-        for stage in crate::list::STAGES.iter().filter(|stage| stage.memory != [0; 2]) {
-            let small = about(stage.memory, Size { voxels: 1000, triangles: 10 }).unwrap();
-            assert!(about(stage.memory, Size { voxels: 100_000, triangles: 1000 }).unwrap() > small);
+        for stage in crate::list::STAGES.iter().filter(|stage| stage.memory != Memory::default()) {
+            let small = about(stage.memory, Size { voxels: 1000, reached: 100, triangles: 10 }).unwrap();
+            let large = Size { voxels: 100_000, reached: 10_000, triangles: 1000 };
+            assert!(about(stage.memory, large).unwrap() > small);
         }
     }
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use ivd_artefact::Cache;
 use ivd_core::Exec;
+use ivd_core::op::Memory;
 use serde::{Deserialize, Serialize};
 
 use crate::Stage;
@@ -127,7 +128,7 @@ fn attempt<C: Control>(
         Vec::new()
     } else {
         let stages_of = plan.nodes().iter().filter(|n| n.needed).filter_map(|n| n.stage.as_ref());
-        let needed: Vec<[u64; 2]> = stages_of.map(|stage| stage.memory()).collect();
+        let needed: Vec<Memory> = stages_of.map(|stage| stage.memory()).collect();
         let mut seen = Size::default();
         walk(loaded, options, plan, &mut control, &mut stages, (&mut seen, runner)).map_err(|error| {
             let error = whole(error, &needed, seen, runner.exec);
@@ -145,7 +146,7 @@ fn attempt<C: Control>(
 }
 
 /// The error of a run, where a memory limit ended it with one that does for all that was needed.
-fn whole(error: Error, needed: &[[u64; 2]], seen: Size, exec: &Exec) -> Error {
+fn whole(error: Error, needed: &[Memory], seen: Size, exec: &Exec) -> Error {
     let takes = needed.iter().map(|memory| need::about(*memory, seen)).max().flatten();
     if let Error::OverMemory { about_mib, source } = error {
         let about_mib = about_mib.max(takes.unwrap_or_default().div_ceil(1 << 20));

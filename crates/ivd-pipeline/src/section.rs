@@ -5,8 +5,8 @@ use std::fmt;
 use std::path::PathBuf;
 
 use ivd_core::op::{
-    self, Failure, Field, Job, Method, Op, PlaceKind, Stage, Values, Want, check, fields, is_default, rename,
-    unknown,
+    self, Failure, Field, Job, Memory, Method, Op, PlaceKind, Stage, Values, Want, check, fields, is_default,
+    rename, unknown,
 };
 use ivd_core::{Artefact, Exec, ParamError};
 use serde_json::{Map, Value as Json};
@@ -256,7 +256,7 @@ impl crate::Stage for Section {
         self.job.close()
     }
 
-    fn memory(&self) -> [u64; 2] {
+    fn memory(&self) -> Memory {
         self.job.memory().unwrap_or(self.stage.memory)
     }
 

@@ -197,7 +197,7 @@ pub trait Stage: Send + Sync {
     }
 
     /// About how much memory it takes; see [`op::Stage::memory`].
-    fn memory(&self) -> [u64; 2] {
+    fn memory(&self) -> op::Memory {
         list::stage(self.name()).map_or(need::OTHERS, |stage| stage.memory)
     }
 

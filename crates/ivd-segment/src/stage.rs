@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Job, Method, Op, Place, PlaceKind, Remark, Stage, Want, method};
+use ivd_core::op::{Failure, Job, Memory, Method, Op, Place, PlaceKind, Remark, Stage, Want, method};
 use ivd_core::{Exec, Labels, Mask, ParamError, Tree, Volume, Voxels, slots};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -32,7 +32,7 @@ pub const STAGE: Stage = Stage {
         Place { unread: "the isovalue is given and no class is named", ..Place::only("labels") },
     ],
     quiet: false,
-    memory: [32, 0],
+    memory: Memory { voxel: 12, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[
     method::<Tidied<KmvsParams>>("kmvs"),
@@ -246,7 +246,7 @@ impl Find for ThresholdParams {
 }
 
 /// What a hierarchy takes, measured: 16.4 bytes a voxel where nearly every one is a leaf.
-const HVS: Option<[u64; 2]> = Some([17, 0]);
+const HVS: Option<Memory> = Some(Memory { voxel: 17, reached: 0, triangle: 0 });
 
 impl Op for HvsParams {
     const REVISION: u32 = 1;
@@ -254,7 +254,7 @@ impl Op for HvsParams {
     type Output = Tree;
     type Figures = TreeFigures;
 
-    fn memory(&self) -> Option<[u64; 2]> {
+    fn memory(&self) -> Option<Memory> {
         HVS
     }
 
@@ -290,7 +290,7 @@ impl Op for Hierarchy {
     type Output = Labels;
     type Figures = Figures<CutFigures>;
 
-    fn memory(&self) -> Option<[u64; 2]> {
+    fn memory(&self) -> Option<Memory> {
         HVS
     }
 

@@ -167,9 +167,19 @@ pub struct Stage {
     /// Whether a scene that gives it nothing to do doesn't tell of it: for a stage that few scenes have, whose job says that it is idle
     /// ([`Op::idle`]) or whose place is [for readers](Place::for_readers).
     pub quiet: bool,
-    /// About how many bytes of memory it takes, generously, for each voxel of the largest grid among its inputs and for each triangle of
-    /// the largest lattice. Nothing is decided by it: where a memory limit ends a run, the message tells a limit that should do.
-    pub memory: [u64; 2],
+    /// About how much memory its methods take that don't say so themselves ([`crate::op::Op::memory`]).
+    pub memory: Memory,
+}
+
+/// About how many bytes of memory work takes, generously. Nothing is decided by it: where a memory limit ends a run, the message tells a limit that should do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Memory {
+    /// For each voxel of the largest grid among the inputs.
+    pub voxel: u64,
+    /// For each voxel of the boxes round what a motion among them reaches.
+    pub reached: u64,
+    /// For each triangle of the largest lattice among them.
+    pub triangle: u64,
 }
 
 impl Place {

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
-use super::{Failure, Slots, Values, check_fields};
+use super::{Failure, Memory, Slots, Values, check_fields};
 use crate::{Artefact, Exec, Kind, ParamError, Value};
 
 /// Whether a method with its parameters has a use for one of its slots.
@@ -71,7 +71,7 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     }
 
     /// What it takes where that is other than its stage says; see [`crate::op::Stage::memory`].
-    fn memory(&self) -> Option<[u64; 2]> {
+    fn memory(&self) -> Option<Memory> {
         None
     }
 
@@ -172,7 +172,7 @@ pub trait Job: Send + Sync + 'static {
     /// As [`Op::idle`].
     fn idle(&self) -> Option<&'static str>;
     /// As [`Op::memory`].
-    fn memory(&self) -> Option<[u64; 2]>;
+    fn memory(&self) -> Option<Memory>;
     /// As [`Op::look_ahead`].
     ///
     /// # Errors
@@ -238,7 +238,7 @@ impl<O: Op> Job for O {
         Op::beside(self)
     }
 
-    fn memory(&self) -> Option<[u64; 2]> {
+    fn memory(&self) -> Option<Memory> {
         Op::memory(self)
     }
 

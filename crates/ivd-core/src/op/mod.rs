@@ -44,7 +44,7 @@ mod slots;
 
 pub use by_class::by_class;
 pub use check::{check, check_fields, is_default, rename, unknown};
-pub use declare::{Amount, Method, Place, PlaceKind, Stage, method};
+pub use declare::{Amount, Memory, Method, Place, PlaceKind, Stage, method};
 pub use failure::Failure;
 pub use field::{Field, alternatives, domain, fields, is_nullable, is_vector, kind, map_values, words};
 pub use job::{Job, Op, Output, Product, Remark, Want, object};

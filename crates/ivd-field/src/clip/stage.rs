@@ -1,6 +1,6 @@
 //! The stage as scenes see it.
 
-use ivd_core::op::{Failure, Method, Op, Output, Place, Remark, Stage, Voxelwise, Want, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Output, Place, Remark, Stage, Voxelwise, Want, method};
 use ivd_core::{Artefact, Displacement, Exec, Labels, ParamError, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,7 @@ pub const STAGE: Stage = Stage {
         },
     ],
     quiet: true,
-    memory: [20, 100],
+    memory: Memory { voxel: 12, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[method::<SceneClip>("")];
 const TAG: &[(&str, &[&str])] = &[("tag", OF_SCENE)];

@@ -1,6 +1,6 @@
 //! The stage as scenes see it.
 
-use ivd_core::op::{Failure, Method, Op, Output, Place, Stage, Voxelwise, Want, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Output, Place, Stage, Voxelwise, Want, method};
 use ivd_core::{Artefact, Displacement, Exec, ParamError, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ pub const STAGE: Stage = Stage {
         ..Place::only("result")
     }],
     quiet: true,
-    memory: [20, 100],
+    memory: Memory { voxel: 12, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[method::<SceneCombine>("")];
 

@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Voxelwise, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Place, Stage, Voxelwise, method};
 use ivd_core::{Artefact, Displacement, Exec, Value, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume", "displacement"],
     places: &[Place::only("deformed")],
     quiet: false,
-    memory: [20, 100],
+    memory: Memory { voxel: 12, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[method::<WarpParams>("")];
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use ivd_core::op::{Failure, Method, Op, Place, Remark, Stage, Want, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Place, Remark, Stage, Want, method};
 use ivd_core::{
     BRICK, BrickIndex, Class, ClassChoice, ElementKey, Exec, Grid, Labels, Lattice, Mask, ParamError, Volume,
     slots,
@@ -26,7 +26,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume"],
     places: &[Place::only("lattice")],
     quiet: false,
-    memory: [24, 0],
+    memory: Memory { voxel: 20, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[method::<LatticeParams>("")];
 

@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, Remark, Stage, method};
+use ivd_core::op::{Amount, Failure, Memory, Method, Op, Place, Remark, Stage, method};
 use ivd_core::{Exec, Lattice, ParamError, World, slots};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -23,7 +23,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice"],
     places: &[Place { amount: Amount::TrianglesAsCut, ..Place::only("lattice") }],
     quiet: false,
-    memory: [4, 500],
+    memory: Memory { voxel: 0, reached: 0, triangle: 440 },
 };
 const METHODS: &[Method] = &[method::<Refinement>("")];
 
@@ -188,9 +188,15 @@ impl Op for Refinement {
         Ok(())
     }
 
-    fn memory(&self) -> Option<[u64; 2]> {
-        // Measured: 120; the other methods take up to 440.
-        (self.params.method == Refines::Collapse).then_some([4, 130])
+    fn memory(&self) -> Option<Memory> {
+        let triangle = match self.params.method {
+            Refines::Collapse => 130,
+            Refines::Decimate => 100,
+            Refines::Loop => 440,
+            Refines::Merge => 400,
+            Refines::Sample => 250,
+        };
+        Some(Memory { voxel: 0, reached: 0, triangle })
     }
 
     fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Lattice, RefineFigures), Failure> {

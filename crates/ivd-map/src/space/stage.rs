@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Method, Op, Place, Stage, Voxelwise, Want, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Place, Stage, Voxelwise, Want, method};
 use ivd_core::{Displacement, Exec, Labels, ParamError, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,7 +16,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume"],
     places: &[Place { from: &[("after", "displacement")], ..Place::only("displacement") }],
     quiet: true,
-    memory: [60, 300],
+    memory: Memory { voxel: 25, reached: 0, triangle: 0 },
 };
 const METHODS: &[Method] = &[method::<SpaceParams>("")];
 

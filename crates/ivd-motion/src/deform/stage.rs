@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, Remark, Stage, Want, method};
+use ivd_core::op::{Amount, Failure, Memory, Method, Op, Place, Remark, Stage, Want, method};
 use ivd_core::{Artefact, Exec, Labels, Lattice, Motion, ParamError, slots};
 
 use super::{
@@ -18,7 +18,7 @@ pub const STAGE: Stage = Stage {
     positional: &["lattice"],
     places: &[Place { amount: Amount::VerticesInReach, ..Place::only("motion") }],
     quiet: false,
-    memory: [40, 300],
+    memory: Memory { voxel: 0, reached: 0, triangle: 250 },
 };
 const METHODS: &[Method] = &[
     method::<RingMethod>("ring"),
@@ -72,9 +72,9 @@ impl Op for RingMethod {
     type Output = Motion;
     type Figures = Figures;
 
-    fn memory(&self) -> Option<[u64; 2]> {
-        // A box round what a handle reaches, which may be the whole volume; measured 96 bytes a triangle.
-        Some([9, 120])
+    fn memory(&self) -> Option<Memory> {
+        // A box round what a handle reaches, which may be the whole volume, as all triangles may be.
+        Some(Memory { voxel: 3, reached: 0, triangle: 250 })
     }
 
     fn check_together(&self) -> Result<(), ParamError> {
@@ -147,6 +147,10 @@ impl Op for ElasticMethod {
     type Output = Motion;
     type Figures = Figures;
 
+    fn memory(&self) -> Option<Memory> {
+        Some(Memory { voxel: 14, reached: 0, triangle: 60 })
+    }
+
     fn check_together(&self) -> Result<(), ParamError> {
         self.elastic.check()?;
         self.moves.check_together()?;
@@ -183,13 +187,17 @@ impl Op for ElasticMethod {
 
 /// What the methods of masses on springs have in common.
 macro_rules! on_springs {
-    ($($method:ty),* $(,)?) => {$(
+    ($($method:ty: $memory:expr),* $(,)?) => {$(
         impl Op for $method {
             const REVISION: u32 = REVISION;
             const REMARK: Option<Remark<Figures>> = REMARK;
             type Inputs<'a> = Inputs<'a>;
             type Output = Motion;
             type Figures = Figures;
+
+            fn memory(&self) -> Option<Memory> {
+                $memory
+            }
 
             fn check_together(&self) -> Result<(), ParamError> {
                 self.body.check_together()
@@ -213,4 +221,9 @@ macro_rules! on_springs {
         }
     )*};
 }
-on_springs!(DynamicsMethod, ProjectiveMethod, XpbdMethod);
+on_springs!(
+    DynamicsMethod: None,
+    // Its system is factored.
+    ProjectiveMethod: Some(Memory { voxel: 0, reached: 0, triangle: 900 }),
+    XpbdMethod: None,
+);

@@ -6,7 +6,7 @@ mod volumetric;
 
 use std::time::Instant;
 
-use ivd_core::op::{Amount, Failure, Method, Op, Place, PlaceKind, Stage, method};
+use ivd_core::op::{Amount, Failure, Memory, Method, Op, Place, PlaceKind, Stage, method};
 use ivd_core::{Displacement, Exec, Image, Labels, Lattice, TransferFunction, Volume, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ pub const STAGE: Stage = Stage {
         Place { kind: PlaceKind::Beside { method: &MOVED }, needs: &[DISPLACEMENT], ..picture("moved") },
     ],
     quiet: false,
-    memory: [10, 100],
+    memory: Memory { voxel: 10, reached: 0, triangle: 100 },
 };
 /// The slot of what is drawn.
 pub const VOLUME: &str = "volume";
