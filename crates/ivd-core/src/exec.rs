@@ -8,6 +8,8 @@ use crate::{Device, Error, ServedBy, Spill};
 #[derive(Debug, Clone, Default)]
 pub struct Cancel {
     asked: Arc<AtomicBool>,
+    /// The flag of another, where that stops the work as well.
+    other: Option<Arc<AtomicBool>>,
     deadline: Option<Instant>,
 }
 
@@ -21,7 +23,13 @@ impl Cancel {
     /// that whoever owns it can go on afterwards.
     #[must_use]
     pub fn until(&self, deadline: Instant) -> Self {
-        Self { asked: self.asked.clone(), deadline: Some(deadline) }
+        Self { deadline: Some(deadline), ..self.clone() }
+    }
+
+    /// The same flag beside another's: work that looks at it stops when a stop is asked of either.
+    #[must_use]
+    pub fn or(&self, other: &Self) -> Self {
+        Self { other: Some(other.asked.clone()), ..self.clone() }
     }
 
     /// Whether a stop was asked for, or the time is up.
@@ -32,6 +40,7 @@ impl Cancel {
     /// Whether a stop was asked for.
     pub fn is_asked(&self) -> bool {
         self.asked.load(Ordering::Relaxed)
+            || self.other.as_ref().is_some_and(|other| other.load(Ordering::Relaxed))
     }
 
     /// Whether there is a deadline and it has passed.
@@ -265,5 +274,18 @@ mod tests {
         whole.cancel.cancel();
         assert_eq!(late.check_cancelled(), Err(Error::Cancelled));
         assert_eq!(early.check_cancelled(), Err(Error::Cancelled));
+    }
+
+    #[test]
+    fn work_that_two_may_stop_stops_by_either_and_the_other_goes_on() {
+        for by_other in [false, true] {
+            let (whole, other) = (Exec::default(), Cancel::default());
+            let mut part = whole.clone();
+            part.cancel = part.cancel.or(&other);
+            assert_eq!(part.check_cancelled(), Ok(()));
+            if by_other { &other } else { &whole.cancel }.cancel();
+            assert_eq!(part.check_cancelled(), Err(Error::Cancelled));
+            assert_eq!((whole.cancel.is_asked(), other.is_asked()), (!by_other, by_other));
+        }
     }
 }

@@ -316,6 +316,8 @@ pub struct Figures {
     pub behind: f64,
     /// How far any vertex is left behind by the voxels about it (mm).
     pub left_mm: f64,
+    /// How far the lattice goes beyond the scan's edge, where there are no voxels to show what it takes along (mm).
+    pub cut_off_mm: f64,
     /// What the last event took: lattice, displacement, values (s).
     pub times: [f64; 3],
     /// What the last pictures took (s).

@@ -408,6 +408,8 @@ pub enum Request {
         /// How far the pivot goes.
         by: [f64; 3],
     },
+    /// Stops what is worked on now: it comes to nothing. Takes no turn of its own.
+    Stop,
     /// Undoes the last step.
     Undo,
     /// Does it again.

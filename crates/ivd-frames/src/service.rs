@@ -99,6 +99,7 @@ pub enum Output {
 pub struct Service {
     queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
+    following: Arc<Mutex<Cancel>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -116,15 +117,27 @@ impl Service {
     ) -> Result<Self, Error> {
         let queue = Arc::new(Queue::default());
         let refining = Arc::new(Mutex::new(Cancel::default()));
-        let worker = Worker { queue: queue.clone(), refining: refining.clone(), exec, publish };
+        let following = Arc::new(Mutex::new(Cancel::default()));
+        let worker = Worker {
+            queue: queue.clone(),
+            refining: refining.clone(),
+            following: following.clone(),
+            exec,
+            publish,
+        };
         let thread = std::thread::Builder::new().name("frames".to_owned()).spawn(move || worker.run(open));
         let thread =
             thread.map_err(|e| Error::Io { what: "the thread that draws", problem: e.to_string() })?;
-        Ok(Self { queue, refining, thread: Some(thread) })
+        Ok(Self { queue, refining, following, thread: Some(thread) })
     }
 
     /// Asks for something. Answers come to `publish`. Whether that is taken: not where too much waits already, but for what lets go of something.
+    /// [`Request::Stop`] doesn't wait for its turn.
     pub fn ask(&self, client: Client, request: Request) -> bool {
+        if request == Request::Stop {
+            cancel(&self.following);
+            return true;
+        }
         let taken = self.queue.push(client, request);
         self.stop_refining();
         taken
@@ -136,8 +149,19 @@ impl Service {
     }
 
     fn stop_refining(&self) {
-        self.refining.lock().unwrap_or_else(PoisonError::into_inner).cancel();
+        cancel(&self.refining);
     }
+}
+
+fn cancel(work: &Mutex<Cancel>) {
+    work.lock().unwrap_or_else(PoisonError::into_inner).cancel();
+}
+
+/// A flag for work that begins now.
+fn begin(work: &Mutex<Cancel>) -> Cancel {
+    let flag = Cancel::default();
+    work.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&flag);
+    flag
 }
 
 impl Drop for Service {
@@ -153,6 +177,7 @@ impl Drop for Service {
 struct Worker<P> {
     queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
+    following: Arc<Mutex<Cancel>>,
     exec: Exec,
     publish: P,
 }
@@ -392,7 +417,10 @@ impl<P: FnMut(Output)> Worker<P> {
                 }
                 file.map(|file| (self.publish)(Output::File(client, Arc::new(file))))
             }
-            request => model.follow(request),
+            request => {
+                model.stops_by(begin(&self.following));
+                model.follow(request)
+            }
         };
         match followed {
             Err(error) if error.error_class() == ErrorClass::Cancelled => Err(error),
@@ -447,8 +475,7 @@ impl<P: FnMut(Output)> Worker<P> {
 
     /// Draws the volume whole, unless something comes.
     fn refine(&mut self, model: &mut Model, drawn: &mut Drawn) -> Result<(), Error> {
-        let cancel = Cancel::default();
-        *self.refining.lock().unwrap_or_else(PoisonError::into_inner) = cancel.clone();
+        let cancel = begin(&self.refining);
         // What came before that could not stop it.
         if !self.queue.is_empty() {
             return Ok(());

@@ -69,13 +69,13 @@ impl Tool {
 }
 
 /// The keys and buttons that every window has: which, and what they do.
-pub const KEYS: [(&str, &str); 14] = [
+pub const KEYS: [(&str, &str); 15] = [
     ("Turn", "left: turn the volume, cross hair in slices"),
     ("middle, or Shift and left", "move the picture"),
     ("right, or the wheel", "zoom; in slices the wheel goes through them"),
     (
         "Handle",
-        "left: take hold of what is at the ring, the surface's nearest vertex, and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc cancels",
+        "left: take hold of what is at the ring, the nearest vertex of the surface that is pointed at, and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis; Esc cancels",
     ),
     ("Pin", "left: hold what is there"),
     (
@@ -89,6 +89,7 @@ pub const KEYS: [(&str, &str); 14] = [
     ("Brightness", "left: in slices brightness and contrast, in the volume its colours"),
     ("T, H, P, I, M, B", "the tools Turn, Handle, Pin, Incise, Measure, Brightness"),
     ("Ctrl+Z, Ctrl+Shift+Z", "undo, redo"),
+    ("Esc", "gives up what is held; else stops what is worked on"),
     (
         "O, W",
         "the body at rest, and deformed again; pictures divided at a line that can be dragged: at rest, deformed",

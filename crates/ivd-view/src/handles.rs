@@ -132,7 +132,7 @@ impl Window {
         }
         let pulls = one.with.is_some();
         let unit = if pulls { "mN" } else { "mm from rest" };
-        let mut told = one.with.or(one.by).unwrap_or_default();
+        let mut told = one.with.or(one.by).unwrap_or_default().map(unsigned);
         for (axis, name) in AXES.into_iter().enumerate() {
             let full = format!("Handle {id}: {name}, {unit}");
             told[axis] = self.value(&full, told[axis]);
@@ -154,6 +154,11 @@ impl Window {
         let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
         self.turned(&field, (&full, radius), || Request::Radius { handle: Some(id), radius });
     }
+}
+
+/// A number that isn't told as less than 0 where it is told as 0.
+fn unsigned(number: f64) -> f64 {
+    if number.abs() < 5e-3 { 0.0 } else { number }
 }
 
 /// How far a handle has moved its vertex, which way in the patient, where it is known how they lie, and how far the voxels there have gone; `None` where it moves

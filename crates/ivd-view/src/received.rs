@@ -30,6 +30,8 @@ pub(crate) struct Word {
     pub(crate) exactly: Option<String>,
     /// Whether voxels that follow smoothest may come further.
     pub(crate) smoothest: bool,
+    /// Whether it stays until something else is told, or something is followed.
+    pub(crate) stays: bool,
 }
 
 impl Word {
@@ -38,7 +40,7 @@ impl Word {
     }
 
     pub(crate) fn of(text: String) -> Self {
-        Self { text, until: None, is_problem: false, exactly: None, smoothest: false }
+        Self { text, until: None, is_problem: false, exactly: None, smoothest: false, stays: false }
     }
 }
 
@@ -72,7 +74,7 @@ impl Window {
         }
         if let Some(frame) = frame {
             work.is_shown(frame.figures.missed.is_empty());
-            self.asked = None;
+            let answers = self.asked.take().is_some_and(|waits| waits.changes());
             self.made_again(&frame.figures);
             self.pending.shown(&frame.figures);
             self.recorded(&frame.pictures[0]);
@@ -91,9 +93,13 @@ impl Window {
                     far.id, far.away_mm
                 ));
             }
-            if let Some(word) = refusal(&frame.figures) {
+            let before = self.shown.figures().and_then(refusal).map(|word| word.text);
+            match refusal(&frame.figures) {
+                // What was told already isn't told again for what only looks.
+                Some(word) if answers || before.as_ref() != Some(&word.text) => self.word = Some(word),
+                Some(_) => {}
                 // It can be read after the hand has let go.
-                self.word = Some(word);
+                None => self.word.iter_mut().for_each(|word| word.stays = false),
             }
             let figures = &frame.figures;
             let dropped = self.dropped_one.take_if(|_| figures.held.is_none());
@@ -174,15 +180,18 @@ impl Window {
         let now = ui.input(|input| input.time);
         if let Some(word) = &mut self.word {
             let until = *word.until.get_or_insert(now + TOLD);
-            if now >= until {
-                self.word = None;
-            } else {
+            if now < until {
                 ui.ctx().request_repaint_after_secs((until - now) as f32);
+            } else if !word.stays {
+                self.word = None;
             }
         }
-        let refused = self.shown.figures().and_then(refusal);
-        let Some(word) = refused.as_ref().or(self.word.as_ref()) else {
-            self.warning(ui);
+        // While a hand is ahead that is what is told; while something else is worked on, not why the last wasn't followed.
+        let is_held = self.shown.figures().is_some_and(|figures| figures.held.is_some());
+        let refused = self.shown.figures().filter(|_| is_held).and_then(refusal);
+        let is_past = |word: &&Word| word.stays && !is_held && self.can_stop();
+        let Some(word) = refused.as_ref().or(self.word.as_ref().filter(|word| !is_past(word))) else {
+            ui.horizontal_centered(|ui| self.warning(ui));
             return;
         };
         let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
@@ -216,5 +225,5 @@ fn refusal(figures: &Figures) -> Option<Word> {
     let Refused { why, exactly, smoothest, ahead_mm } = figures.refused.as_ref()?;
     let ahead = if *ahead_mm > 0.0 { format!("The hand is {ahead_mm:.1} mm ahead: ") } else { String::new() };
     let word = Word::problem(format!("{ahead}{why}"));
-    Some(Word { exactly: exactly.clone(), smoothest: *smoothest, ..word })
+    Some(Word { exactly: exactly.clone(), smoothest: *smoothest, stays: true, ..word })
 }

@@ -12,6 +12,9 @@ const MEANS: &str = "Largest motion: of any voxel. Volume kept: the least share 
 /// What a click on a warning does.
 const WHERE: &str = "A click brings the slices where most is squeezed, with colours that tell how much.";
 
+/// What stopping does.
+const STOPS: &str = "Nothing of what is worked on is done (Esc).";
+
 /// Matter that may have less of its volume left is squeezed so that one sees it.
 const SQUEEZED: f64 = 0.2;
 /// What has moved less far isn't told (mm).
@@ -30,6 +33,9 @@ impl Window {
         ui.horizontal(|ui| {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(NOTICE);
+                if self.can_stop() && ui.small_button("Stop").on_hover_text(STOPS).clicked() {
+                    self.ask(Request::Stop);
+                }
                 ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                     let text =
                         [works, self.records(), self.under_the_pointer(), self.shown.figures().map(told)];
@@ -44,24 +50,30 @@ impl Window {
         });
     }
 
+    /// Whether something is worked on for so long that it may be stopped.
+    pub(crate) fn can_stop(&self) -> bool {
+        let shown = self.shown.figures().is_some();
+        self.asked.is_some_and(|waits| shown && waits.changes() && waits.told(self.options.soon).is_some())
+    }
+
     /// Whether there is something to be warned of.
     pub(crate) fn is_warned(&self) -> bool {
-        self.shown.figures().is_some_and(|figures| warned(figures) != [None, None])
+        self.shown.figures().is_some_and(|figures| warned(figures) != [None, None, None])
     }
 
     /// What is to be known before what is seen is trusted, above the line.
     pub(crate) fn warning(&mut self, ui: &mut Ui) {
-        let Some([squeezed, left]) = self.shown.figures().map(warned) else { return };
+        let Some([squeezed, left, cut_off]) = self.shown.figures().map(warned) else { return };
         let warn = |text: String| egui::RichText::new(text).color(ui.visuals().warn_fg_color);
-        let (squeezed, left) = (squeezed.map(warn), left.map(warn));
+        let (squeezed, others) = (squeezed.map(warn), [cut_off.map(warn), left.map(warn)]);
         if let Some(squeezed) = squeezed {
             let button = egui::Button::new(squeezed).frame(false).wrap_mode(egui::TextWrapMode::Truncate);
             if ui.add(button).on_hover_text(WHERE).clicked() {
                 self.ask(Request::ShowSqueezed);
             }
         }
-        if let Some(left) = left {
-            ui.add(egui::Label::new(left).truncate());
+        for other in others.into_iter().flatten() {
+            ui.add(egui::Label::new(other).truncate());
         }
     }
 
@@ -153,14 +165,16 @@ fn told(figures: &Figures) -> String {
     )
 }
 
-/// What is to be known before what is seen is trusted: how much is squeezed, and how far voxels stay behind.
-fn warned(figures: &Figures) -> [Option<String>; 2] {
+/// What is to be known before what is seen is trusted: how much is squeezed, how far voxels stay behind, and how far what moves leaves the scan.
+fn warned(figures: &Figures) -> [Option<String>; 3] {
     let smoothest = if figures.map == "octree" { " (smoothest squeezes less)" } else { "" };
     let squeezed = (figures.min_det_j < SQUEEZED)
         .then(|| format!("squeezed somewhere to {} % of its volume{smoothest}", percent(figures.min_det_j)));
     let left = (figures.behind > BEHIND)
         .then(|| format!("voxels up to {:.1} mm behind the surface that is pulled", figures.left_mm));
-    [squeezed, left]
+    let cut_off = (figures.cut_off_mm > GONE)
+        .then(|| format!("cut off at the scan's edge: the surface goes {:.1} mm beyond", figures.cut_off_mm));
+    [squeezed, left, cut_off]
 }
 
 /// A share that is proven, in percent: never more than it is, and by two digits.

@@ -6,6 +6,8 @@ use ivd_frames::Request;
 
 /// What only looks.
 const DRAWING: &str = "drawing";
+/// What only writes.
+const SAVING: &str = "saving";
 
 /// What is done until an answer comes.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +26,11 @@ impl Waits {
         if self.does == DRAWING {
             self.does = doing(request);
         }
+    }
+
+    /// Whether what is done changes something.
+    pub(crate) fn changes(&self) -> bool {
+        ![DRAWING, SAVING].contains(&self.does)
     }
 
     /// What is done, and for how long already; `None` where that isn't worth a word yet.
@@ -73,7 +80,7 @@ fn doing(request: &Request) -> &'static str {
         Request::Undo => "undoing",
         Request::Redo => "doing it again",
         Request::Level { .. } => "changing the level",
-        Request::Save { .. } => "saving",
+        Request::Save { .. } => SAVING,
         _ => DRAWING,
     }
 }

@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
+use ivd_motion::handles::{Action, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
-use super::{Drag, Model, no_more_than, nothing_there};
+use super::{Drag, Model, no_more_than, nothing_there, sheet};
 use crate::figures::{Hovered, Refused, Spot};
 use crate::panes::Across;
 use crate::planes::value_at;
@@ -46,7 +46,8 @@ impl Model {
             return Ok(Some(Hovered { class: self.class_at(place), ..hovered }));
         }
         let rest = self.rest_of(place);
-        let found = find_picks(self.session.lattice(), "handle", [&Anchor::NearestTo(rest)]);
+        let lattice = self.session.lattice();
+        let found = find_picks(lattice, "handle", [&sheet::anchor(lattice, rest)]);
         let vertex = found.ok().and_then(|picks| picks.first().copied());
         let now = vertex.map(|pick| self.now_at(&pick));
         let volume = self.session.whole();
@@ -60,7 +61,7 @@ impl Model {
             handle: self.handle_at(pane, at),
             vertex: vertex.map(|pick| pick.at),
             vertex_at: now.map_or([None; 4], |now| self.panes.shares(grid, &self.lens, now)),
-            away_mm: vertex.map(|pick| pick.away()),
+            away_mm: vertex.map(|pick| (Vector3::from(pick.at) - Vector3::from(rest)).norm()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
     }
@@ -99,7 +100,7 @@ impl Model {
             no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
             let Some(place) = self.look(pane, at)? else { return Err(nothing_there("grab")) };
             let handle = Handle {
-                at: Anchor::NearestTo(self.rest_of(place)),
+                at: sheet::anchor(self.session.lattice(), self.rest_of(place)),
                 action: Action::Move([0.0; 3]),
                 radius: self.radius,
             };

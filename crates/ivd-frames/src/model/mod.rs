@@ -3,6 +3,7 @@
 mod bones;
 mod clips;
 mod compare;
+mod cut_off;
 mod hand;
 mod looks;
 mod map;
@@ -11,6 +12,7 @@ mod parts;
 mod refusal;
 mod replay;
 mod rulers;
+mod sheet;
 mod spots;
 mod squeezed;
 mod stroke;
@@ -18,7 +20,7 @@ mod told;
 
 use std::time::{Duration, Instant};
 
-use ivd_core::{BRICK, Exec, TransferFunction, Volume};
+use ivd_core::{BRICK, Cancel, Exec, TransferFunction, Volume};
 use ivd_field::clip::ClipParams;
 use ivd_motion::handles::{Action, Anchor, Handle, Pin};
 use ivd_render::{Lens, View};
@@ -71,6 +73,8 @@ pub struct Model {
     along: Option<(u8, Vec<u16>)>,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
+    /// How far the lattice goes beyond the scan's edge (mm).
+    cut_off_mm: f64,
     hidden: spots::Hidden,
     rulers: Vec<rulers::Places>,
     /// Number of the next of them.
@@ -78,6 +82,8 @@ pub struct Model {
     /// Rise with every change of what a pane shows.
     versions: [u64; 4],
     exec: Exec,
+    /// Stops what is worked on, and nothing else.
+    stop: Cancel,
 }
 
 /// A handle that is held.
@@ -142,11 +148,13 @@ impl Model {
             along: None,
             spots: Vec::new(),
             pins: Vec::new(),
+            cut_off_mm: 0.0,
             hidden: spots::Hidden::default(),
             rulers: Vec::new(),
             next_ruler: 0,
             versions: [1; 4],
             exec,
+            stop: Cancel::default(),
             subject,
         };
         model.find_spots()?;
@@ -323,7 +331,8 @@ impl Model {
                 self.check_seen_now("pin", &[*at])?;
                 no_more_than(MOST_HANDLES, self.session.settings().fixed.len())?;
                 let Some(place) = self.look(*pane, *at)? else { return Err(nothing_there("pin")) };
-                let pin = Pin { at: Anchor::NearestTo(self.rest_of(place)), radius: 0.5 * self.radius };
+                let at = sheet::anchor(self.session.lattice(), self.rest_of(place));
+                let pin = Pin { at, radius: 0.5 * self.radius };
                 self.apply(Event::Pin { id: None, pin })
             }
             Request::Release { fix } => self.apply(Event::Release { fix: *fix }),
@@ -376,7 +385,7 @@ impl Model {
                 self.apply(Event::Map(map))
             }
             Request::Depth { weight } => self.weigh_depth(*weight),
-            Request::Save { .. } => Ok(()),
+            Request::Save { .. } | Request::Stop => Ok(()),
         }
     }
 
@@ -398,7 +407,7 @@ impl Model {
         let moves = is_move(&event);
         match self.session.apply(event, &exec) {
             Ok(update) => self.show(&update),
-            Err(error) => self.refuse(error, &exec, (moves, most)),
+            Err(error) => self.refuse(&error, &exec, (moves, most)),
         }
     }
 
@@ -407,7 +416,7 @@ impl Model {
         match gone {
             Ok(Some(update)) => self.show(&update),
             Ok(None) => Ok(()),
-            Err(error) => self.refuse(error, exec, (false, MOST_WORK)),
+            Err(error) => self.refuse(&error, exec, (false, MOST_WORK)),
         }
     }
 
@@ -418,7 +427,14 @@ impl Model {
 
     /// Work that is given up where it takes longer.
     fn within(&self, most: Duration) -> Exec {
-        self.exec.clone().with_deadline(Instant::now() + most)
+        let mut exec = self.exec.clone().with_deadline(Instant::now() + most);
+        exec.cancel = exec.cancel.or(&self.stop);
+        exec
+    }
+
+    /// What is asked for next is given up where this is asked to stop.
+    pub fn stops_by(&mut self, stop: Cancel) {
+        self.stop = stop;
     }
 
     /// Takes what an event changed into account.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use ivd_core::{Classified as _, ErrorClass, Exec};
 use ivd_motion::handles::Handle;
-use ivd_session::{Event, MapChoice};
+use ivd_session::{Event, MapChoice, Physics};
 use nalgebra::Vector3;
 
 use super::{Drag, Model, by_of};
@@ -18,20 +18,25 @@ impl Model {
     /// Tells why something wasn't followed; `moves`: it says how far something goes; `most`: how long it might take.
     pub(super) fn refuse(
         &mut self,
-        error: ivd_session::Error,
+        error: &ivd_session::Error,
         exec: &Exec,
         (moves, most): (bool, Duration),
     ) -> Result<(), Error> {
         if error.error_class() == ErrorClass::Cancelled {
-            return Err(error.into());
+            self.exec.check_cancelled()?;
+            self.refused = Some(self.refusal("it was stopped".to_owned()));
+            return Ok(());
         }
         let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
         self.refused = Some(if exec.cancel.is_late() {
             let most = most.as_secs();
-            self.refusal(format!(
-                "it would take more than {most} s; make the radius smaller, or the lattice coarser by a higher level"
-            ))
-        } else if is_too_far(&error) {
+            let other = match &self.session.settings().physics {
+                Physics::Springs(_) => "let the surface follow distance alone",
+                Physics::Ring(_) if !is_nearest => "let voxels follow what is nearest",
+                Physics::Ring(_) => "choose a higher level",
+            };
+            self.refusal(format!("it would take more than {most} s; make the radius smaller, or {other}"))
+        } else if is_too_far(error) {
             let remedy = if is_nearest { "let voxels follow smoothest, take" } else { "take" };
             let when = if moves { "further on" } else { "by what is moved now" };
             let less = if moves { "move it less" } else { "move that less" };

@@ -4,6 +4,7 @@ use ivd_motion::handles::{Action, Pick, find_picks};
 use nalgebra::Vector3;
 
 use super::Model;
+use super::cut_off::cut_off;
 use crate::figures::Spot;
 use crate::planes::BESIDE;
 use crate::{Error, Pane, Shows};
@@ -18,7 +19,7 @@ pub(super) struct Hidden {
 }
 
 impl Model {
-    /// Finds where handles and pins are.
+    /// Finds where handles and pins are, and how far what moves leaves the scan.
     pub(super) fn find_spots(&mut self) -> Result<(), Error> {
         let settings = self.session.settings();
         let lattice = self.session.lattice();
@@ -63,6 +64,7 @@ impl Model {
             beside: [false; 4],
         });
         (self.pins, self.spots) = (pins.collect(), spots);
+        self.cut_off_mm = cut_off(lattice, self.session.motion());
         Ok(())
     }
 

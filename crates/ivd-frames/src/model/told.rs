@@ -69,6 +69,7 @@ impl Figures {
             min_det_j: last.min_det_j,
             behind: last.misfit,
             left_mm: last.left_mm,
+            cut_off_mm: model.cut_off_mm,
             times: [last.times.solve, last.times.map, last.times.warp],
             draw_s: 0.0,
             refused: model.refused.clone(),

@@ -411,3 +411,17 @@ fn a_handle_is_shown_where_steps_in_space_take_what_it_holds() {
     follow(&mut model, &Request::Cross { pane: Pane::Coronal, at: [0.5, 0.5] });
     assert!(follow(&mut model, &Request::Grab { pane: Pane::Axial, at }).held.is_some());
 }
+
+#[test]
+fn what_leaves_the_scan_is_told_by_how_far() {
+    let mut model = model(BALL);
+    follow(&mut model, &Request::Radius { handle: None, radius: 12.0 });
+    let inside = follow(&mut model, &Request::Add { place: [15.5, 15.5, 31.0], by: [0.0, 0.0, 1.0] });
+    assert_eq!((inside.handles.len(), inside.cut_off_mm, inside.refused), (1, 0.0, None));
+    let outside = follow(&mut model, &Request::Move { handle: 0, by: [0.0, 0.0, 6.0] });
+    assert_eq!(outside.refused, None);
+    // The last voxel's outer face lies at 31.5 mm.
+    let beyond = outside.handles[0].now[2] - 31.5;
+    assert!(beyond > 0.5 && (outside.cut_off_mm - beyond).abs() < 1e-6, "{} of {beyond}", outside.cut_off_mm);
+    assert_eq!(follow(&mut model, &Request::Undo).cut_off_mm, 0.0);
+}

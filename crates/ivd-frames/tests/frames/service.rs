@@ -1,11 +1,12 @@
 //! Frames come, the newest first; nothing is lost that counts.
 
-use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use ivd_artefact::Cache;
-use ivd_core::Exec;
+use ivd_core::{Exec, Observer};
 use ivd_frames::{
     Begun, Error, Figures, Frame, MapName, Model, Output, Pane, Request, Saved, Service, Source, Subject,
     Tell,
@@ -327,4 +328,52 @@ fn changed_in_mid_drag(scene: &str, before: &[Request], changes: &[Request]) {
         assert_eq!(shown.pictures[0].image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
     }
     assert_as_piped(&alone);
+}
+
+/// Asks a service to stop as soon as a solve begins.
+#[derive(Default)]
+struct StopsSolves {
+    service: Mutex<Option<Service>>,
+    stopped: AtomicUsize,
+}
+
+impl Observer for StopsSolves {
+    fn begin(&self, task: &'static str, _: u64) {
+        let service = self.service.lock().unwrap();
+        if task == "ring"
+            && self.stopped.load(Ordering::Relaxed) == 0
+            && let Some(service) = &*service
+        {
+            assert!(service.ask(2, Request::Stop));
+            self.stopped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+#[test]
+fn what_is_stopped_comes_to_nothing_and_what_is_asked_next_is_done() {
+    let (sender, outputs) = channel();
+    let stops = Arc::new(StopsSolves::default());
+    let exec = Exec::default().with_observer(stops.clone());
+    let open = move |tell: &Tell| {
+        let subject = Subject::open(&loaded(BALL), false, &Cache::disabled(), &exec, tell)?;
+        Model::new(subject, [128, 128], exec)
+    };
+    let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    let first = frame(&outputs, |_| true);
+    // Where nothing is worked on there is nothing to stop, and what comes later isn't.
+    assert!(service.ask(2, Request::Stop));
+    *stops.service.lock().unwrap() = Some(service);
+    let ask = |request| assert!(stops.service.lock().unwrap().as_ref().unwrap().ask(1, request));
+    let add = || Request::Add { place: first.figures.middle, by: [0.0, 0.0, 1.0] };
+    ask(add());
+    let stopped = frame(&outputs, |frame| frame.figures.refused.is_some());
+    let why = stopped.figures.refused.as_ref().unwrap();
+    assert_eq!((why.why.as_str(), stopped.figures.handles.len()), ("it was stopped", 0));
+    assert_eq!((stopped.figures.largest_mm, &stopped.figures.undo), (0.0, &None));
+    ask(add());
+    let done = frame(&outputs, |frame| !frame.figures.handles.is_empty());
+    assert!(done.figures.refused.is_none() && done.figures.largest_mm > 0.9);
+    let service = stops.service.lock().unwrap().take();
+    drop(service);
 }

@@ -97,6 +97,7 @@ function tell() {
   const f = figures, [solve, map, warp] = f.times;
   const h = f.hovered;
   const parts = [h ? `${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm` : null, `largest motion ${few(f.largest_mm)} mm`, `volume kept ≥ ${few(Math.floor(1000 * f.min_det_j) / 10, 1)} %`, `${f.vertices} vertices at level ${f.level}`,
+    f.cut_off_mm > 0.05 ? `cut off at the scan's edge: the surface goes ${few(f.cut_off_mm, 1)} mm beyond` : null,
     `lattice ${milli(solve)}, map ${milli(map)}, voxels ${milli(warp)}, picture ${milli(f.draw_s)}`];
   status(parts.filter(Boolean).join(" · "));
   // What was refused is past once something is followed.
@@ -501,6 +502,7 @@ addEventListener("keydown", (event) => {
   const typing = /INPUT|SELECT/.test(document.activeElement?.tagName ?? "") && document.activeElement.type !== "radio";
   if (event.key === "Escape") {
     if (press?.does === "handle") { wanted = wanted?.filter((one) => one.do !== "drag") ?? null; now({ do: "abandon" }); }
+    else if (!press && drives) now({ do: "stop" });
     press = null;
     draw();
     if (!$("keys").hidden) $("help").click();
@@ -532,7 +534,7 @@ addEventListener("keydown", (event) => {
 });
 
 // ---------------------------------------------------------------- buttons and fields
-const clicks = { undo: { do: "undo" }, redo: { do: "redo" }, reset: { do: "reset" }, home: { do: "reset_view" }, colours: { do: "reset_colours" },
+const clicks = { stop: { do: "stop" }, undo: { do: "undo" }, redo: { do: "redo" }, reset: { do: "reset" }, home: { do: "reset_view" }, colours: { do: "reset_colours" },
   take: { do: "take" }, hand: { do: "hand_over" } };
 for (const [id, request] of Object.entries(clicks)) $(id).addEventListener("click", () => send(request));
 $("help").addEventListener("click", () => {

@@ -1,6 +1,6 @@
 //! By mouse.
 
-use egui::{Color32, Key, Pos2, Shape, vec2};
+use egui::{Color32, Key, Modifiers, Pos2, Shape, vec2};
 
 use egui_kittest::kittest::Queryable as _;
 
@@ -215,4 +215,28 @@ fn a_push_that_goes_too_far_says_so_in_a_line_and_offers_what_may_come_further()
     assert_eq!(panes(&here), before, "no picture gives way");
     here.press("Follow smoothest");
     here.told("smoothest", |told| told.map == "biharmonic" && told.refused.is_none());
+}
+
+#[test]
+fn what_is_written_after_a_refusal_is_told() {
+    let mut here = Here::ball();
+    here.press("Handle where the slices meet");
+    here.told("a handle", |told| told.handles.len() == 1);
+    tab_to(&mut here, "Handle 0: y, mm from rest");
+    typed(&mut here, "-25");
+    let why = here.told("refused", |told| told.refused.is_some()).refused.unwrap().why;
+    here.until("it is told why", |here| here.has(&why));
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    here.until("it is asked where", |here| here.harness.query_by_label("Path").is_some());
+    let path = here.folder.path().join("kept.toml");
+    let field = here.harness.get_by_label("Path");
+    field.focus();
+    field.set_text_value_accesskit(&path.display().to_string());
+    here.harness.step();
+    here.press("Save");
+    here.until("it is written", |here| here.has(&format!("Written: {}", path.display())) && !here.has(&why));
+    // What only looks tells no more of it.
+    here.harness.key_press(Key::Num0);
+    here.harness.run_ok();
+    assert!(here.has("Written: ") && !here.has(&why));
 }

@@ -1,0 +1,102 @@
+//! Which vertex a place on a surface means: one of the sheet that it lies on, and not one of the sheet behind that, which may be nearer where walls are thin
+//! and triangles large.
+
+use ivd_core::Lattice;
+use ivd_core::geometry::closest_on_triangle;
+use ivd_motion::handles::{Anchor, find_picks};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+/// The place to anchor what was put at a place (mm, RAS) at: that place where its nearest vertex belongs to its sheet, else the sheet's vertex that is nearest.
+pub(super) fn anchor(lattice: &Lattice, place: [f64; 3]) -> Anchor {
+    let there = Anchor::NearestTo(place);
+    let nearest = find_picks(lattice, "handle", [&there]).ok().and_then(|picks| picks.first().copied());
+    match (nearest, vertex_of_sheet(lattice, place)) {
+        (Some(nearest), Some(of_sheet)) if nearest.vertex != of_sheet => {
+            Anchor::NearestTo(lattice.world(of_sheet).0.into())
+        }
+        _ => there,
+    }
+}
+
+/// The vertex nearest to a place (mm, RAS) among the corners of the nearest triangle and of those round it that face as that does.
+fn vertex_of_sheet(lattice: &Lattice, place: [f64; 3]) -> Option<usize> {
+    let at = lattice.local_positions();
+    let place = Vector3::from(place) - Vector3::from(lattice.grid().origin());
+    let triangles = lattice.triangles();
+    let corners = |t: usize| triangles[t].map(|v| at[v as usize]);
+    let away = |t: usize| {
+        let corners = corners(t);
+        let weights = closest_on_triangle(&corners, place);
+        let closest: Vector3<f64> = corners.iter().zip(weights).map(|(corner, weight)| corner * weight).sum();
+        (closest - place).norm_squared()
+    };
+    let nearer = |a: (f64, usize), b: (f64, usize)| if b < a { b } else { a };
+    let all = (0..triangles.len()).into_par_iter().with_min_len(1024).map(|t| (away(t), t));
+    let (_, nearest) = all.reduce_with(nearer)?;
+    let facing = |t: usize| {
+        let [a, b, c] = corners(t);
+        (b - a).cross(&(c - a))
+    };
+    let normal = facing(nearest);
+    let is_beside = |t: &usize| triangles[*t].iter().any(|v| triangles[nearest].contains(v));
+    let beside = (0..triangles.len()).filter(is_beside).filter(|&t| facing(t).dot(&normal) > 0.0);
+    let vertices = std::iter::once(nearest).chain(beside).flat_map(|t| triangles[t]);
+    let away = |v: u32| ((at[v as usize] - place).norm_squared(), v as usize);
+    vertices.map(away).reduce(nearer).map(|(_, vertex)| vertex)
+}
+
+#[cfg(test)]
+mod tests {
+    use ivd_core::{Exec, Grid, Volume, Voxels};
+    use ivd_lattice::extract::{ExtractParams, Iso, extract};
+    use ivd_lattice::refine::{RefineParams, Target, collapse};
+
+    use super::*;
+
+    const MIDDLE: f64 = 19.5;
+    const OUTER: f64 = 16.0;
+    const INNER: f64 = 13.0;
+
+    fn from_middle(place: [f64; 3]) -> f64 {
+        (Vector3::from(place) - Vector3::repeat(MIDDLE)).norm()
+    }
+
+    #[test]
+    fn a_place_on_a_thin_wall_means_a_vertex_of_its_own_side() {
+        let grid = Grid::with_spacing([40; 3], [1.0; 3]).unwrap();
+        let value = |i: usize| {
+            let radius = from_middle(grid.index(i).0.map(|c| c as f64));
+            (128.0 + 40.0 * (OUTER - radius).min(radius - INNER)).clamp(0.0, 255.0) as u8
+        };
+        let voxels: Vec<u8> = (0..grid.len()).map(value).collect();
+        let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
+        let exec = Exec::default();
+        let finest =
+            extract(&volume, None, &ExtractParams { iso: Iso::Value(128.0) }, &exec).unwrap().lattice;
+        let params = RefineParams { target: Target::Level(3).into(), ..RefineParams::default() };
+        let lattice = collapse(&finest, &params, &exec).unwrap().lattice;
+        let vertex = |anchor: &Anchor| find_picks(&lattice, "handle", [anchor]).unwrap()[0];
+        let (mut wrong, mut far) = (0, 0.0_f64);
+        for n in 0..500 {
+            // Spread evenly over a sphere by the golden angle.
+            let z = 1.0 - (2.0 * f64::from(n) + 1.0) / 500.0;
+            let turn = 2.399_963_229_728_653 * f64::from(n);
+            let across = (1.0 - z * z).sqrt();
+            let direction = [across * turn.cos(), across * turn.sin(), z];
+            for radius in [OUTER, INNER] {
+                let place = direction.map(|c| MIDDLE + radius * c);
+                let is_outer = |at: [f64; 3]| from_middle(at) > f64::midpoint(OUTER, INNER);
+                wrong += usize::from(is_outer(vertex(&Anchor::NearestTo(place)).at) != is_outer(place));
+                let meant = vertex(&anchor(&lattice, place));
+                assert_eq!(is_outer(meant.at), is_outer(place), "{place:?} means {:?}", meant.at);
+                far = far.max((Vector3::from(meant.at) - Vector3::from(place)).norm());
+            }
+        }
+        assert!(
+            wrong > 10,
+            "the nearest vertex is of the other side {wrong} times: too few to tell the two apart"
+        );
+        assert!(far < 8.0, "{far} mm");
+    }
+}
