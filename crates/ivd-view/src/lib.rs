@@ -6,6 +6,7 @@
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
 
 mod again;
+mod awaited;
 mod bar;
 mod bones;
 mod classes;

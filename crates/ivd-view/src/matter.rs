@@ -20,7 +20,7 @@ impl Window {
             SolverName::Ring => figures.solver == "ring",
             SolverName::Springs => figures.solver == "springs",
         };
-        let now = SolverName::ALL.into_iter().find(|solver| is(*solver));
+        let now = self.awaited.solver(SolverName::ALL.into_iter().find(|solver| is(*solver)));
         let word = now.map_or(figures.solver, SolverName::word);
         let all = SolverName::ALL.map(|solver| (solver, solver.word()));
         if let Some(solver) = list(ui, ["Surface follows by", FOLLOWS], (now, word), all) {

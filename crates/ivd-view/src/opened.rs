@@ -6,6 +6,7 @@ use egui::{Context, ViewportCommand};
 use ivd_frames::Source;
 
 use crate::again::Seen;
+use crate::awaited::Awaited;
 use crate::dialogs::{Dialog, Then};
 use crate::gestures::Hands;
 use crate::journal::left_over;
@@ -70,6 +71,7 @@ impl Window {
         self.seen = Seen::default();
         (self.ruler_from, self.bone_from) = (None, None);
         self.asked = None;
+        self.awaited = Awaited::default();
         self.size = ([0; 2], 0.0, true);
         self.lost = false;
     }

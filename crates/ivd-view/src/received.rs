@@ -6,6 +6,7 @@ use egui::{Color32, Context, Frame, Label, Margin, RichText, Ui};
 use ivd_core::{Classified as _, ErrorClass};
 use ivd_frames::{Figures, MapName, Refused, Request, Saved};
 
+use crate::awaited::Awaited;
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
 use crate::gestures::go_to;
@@ -77,6 +78,7 @@ impl Window {
             let answers = self.asked.take().is_some_and(|waits| waits.changes());
             self.made_again(&frame.figures);
             self.pending.shown(&frame.figures);
+            self.awaited = Awaited::default();
             self.recorded(&frame.pictures[0]);
             let before = self.shown.figures().map(|figures| (figures.level, figures.vertices));
             let (level, vertices) = (frame.figures.level, frame.figures.vertices);
@@ -109,6 +111,7 @@ impl Window {
             self.ask_all(there.into_iter().flatten());
         }
         for problem in problems {
+            self.awaited = Awaited::default();
             // What was to be kept and isn't comes no more.
             shared.keeping.forget();
             self.waits = None;

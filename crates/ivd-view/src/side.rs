@@ -59,9 +59,10 @@ impl Window {
         });
     }
 
-    /// The value of a slider or field: the hand's while it is held, else what is shown.
+    /// The value of a slider or field: the hand's while it is held, and until an answer comes; else what is shown.
     pub(crate) fn value(&self, name: &str, shown: f64) -> f64 {
-        self.turning.as_ref().filter(|(held, _)| held == name).map_or(shown, |(_, value)| *value)
+        let held = self.turning.as_ref().filter(|(held, _)| held == name);
+        held.map_or_else(|| self.awaited.value(name, shown), |(_, value)| *value)
     }
 
     /// What a slider or a field changes from when it is taken hold of until it is let go of is one step.
@@ -79,6 +80,7 @@ impl Window {
         }
         if response.changed() {
             self.ask(request());
+            self.awaited.turn(name, value);
         }
         if response.drag_stopped() {
             self.turning = None;
@@ -124,6 +126,7 @@ impl Window {
     /// How the voxels follow.
     fn follow(&mut self, ui: &mut Ui, figures: &Figures) {
         let now = MapName::ALL.into_iter().find(|map| format!("{map:?}").eq_ignore_ascii_case(figures.map));
+        let now = self.awaited.map(now);
         let shown = (now, now.map_or(figures.map, MapName::word));
         if let Some(map) =
             list(ui, ["Voxels follow", FOLLOW], shown, MapName::ALL.map(|map| (map, map.word())))

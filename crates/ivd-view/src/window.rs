@@ -4,6 +4,7 @@ use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui, UiBuilder};
 use ivd_frames::{Pane, Request, Source, Tool};
 
 use crate::again::{Before, Making, Seen};
+use crate::awaited::Awaited;
 use crate::dialogs::{Dialog, Then};
 use crate::files;
 use crate::gestures::Hands;
@@ -45,6 +46,8 @@ pub struct Window {
     pub(crate) turning: Option<(String, f64)>,
     /// What was asked for a part and isn't shown yet.
     pub(crate) pending: Pending,
+    /// What was typed or chosen and isn't followed yet.
+    pub(crate) awaited: Awaited,
     /// What the body is to be made of.
     pub(crate) wish: Option<Wish>,
     /// What is to be made again as soon as it is known what was done.
@@ -94,6 +97,7 @@ impl Window {
             waits: None,
             turning: None,
             pending: Pending::default(),
+            awaited: Awaited::default(),
             wish: None,
             making: None,
             before: None,
@@ -205,6 +209,7 @@ impl Window {
     pub(crate) fn ask(&mut self, request: Request) {
         if let Some(work) = &self.work {
             self.pending.ask(&request);
+            self.awaited.ask(&request);
             if let Some(making) = &mut self.making {
                 making.ask(&request);
             }
