@@ -20,6 +20,9 @@ pub(crate) struct Queue {
 #[derive(Debug, Default)]
 struct Waiting {
     requests: VecDeque<(Client, Request)>,
+    /// How many were taken in, those that were merged into another apart, and how many have left.
+    pushed: u64,
+    left: u64,
     /// There is something to look at beside the queue.
     woken: bool,
     ends: bool,
@@ -58,6 +61,7 @@ impl Queue {
             return false;
         }
         waiting.requests.push_back((client, request));
+        waiting.pushed += 1;
         drop(waiting);
         self.changed.notify_one();
         true
@@ -66,7 +70,9 @@ impl Queue {
     /// Lets go of all that somebody asked for.
     pub(crate) fn forget(&self, client: Client) {
         let mut waiting = self.locked();
+        let before = waiting.requests.len();
         waiting.requests.retain(|(who, _)| *who != client);
+        waiting.left += (before - waiting.requests.len()) as u64;
         if let Some(forgotten) = &mut waiting.forgotten {
             forgotten.push(client);
         }
@@ -88,6 +94,16 @@ impl Queue {
         self.changed.notify_one();
     }
 
+    /// Number of the last request that was taken in, from 1.
+    pub(crate) fn pushed(&self) -> u64 {
+        self.locked().pushed
+    }
+
+    /// Number of the last that has left.
+    pub(crate) fn left(&self) -> u64 {
+        self.locked().left
+    }
+
     /// Whether anything waits.
     pub(crate) fn is_empty(&self) -> bool {
         let waiting = self.locked();
@@ -106,6 +122,7 @@ impl Queue {
                 return Next::Woken;
             }
             if let Some((client, request)) = waiting.requests.pop_front() {
+                waiting.left += 1;
                 return Next::Request(client, request);
             }
             let left = until.map(|until| until.saturating_duration_since(Instant::now()));

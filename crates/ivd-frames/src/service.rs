@@ -1,6 +1,6 @@
 //! The service that makes frames: one thread owns the model, follows requests and draws, newest first.
 //!
-//! Requests that come while it works are merged: of many moves the last counts. A solve runs to its end; what is drawn anew to be finer is given up when
+//! Requests that come while it works are merged: of many moves the last counts. A solve runs to its end unless it is stopped by hand; what is drawn anew to be finer is given up when
 //! something happens. While things move, the volume's picture is coarser, as much as its time asks for; soon after they stop it is whole.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -70,6 +70,8 @@ impl Picture {
 pub struct Frame {
     /// Rises with every frame.
     pub number: u64,
+    /// Number of the last request that was followed before it ([`Service::asked`]).
+    pub followed: u64,
     /// A picture for each of [`Pane::ALL`].
     pub pictures: [Arc<Picture>; 4],
     /// What is told beside them.
@@ -141,6 +143,11 @@ impl Service {
         let taken = self.queue.push(client, request);
         self.stop_refining();
         taken
+    }
+
+    /// Number of the request that was asked for last, from 1; those that were merged have one together.
+    pub fn asked(&self) -> u64 {
+        self.queue.pushed()
     }
 
     /// Lets go of all that somebody asked for and that wasn't begun.
@@ -504,7 +511,8 @@ impl<P: FnMut(Output)> Worker<P> {
     fn publish_frame(&mut self, model: &mut Model, drawn: &mut Drawn, took: Duration) {
         drawn.number += 1;
         let figures = Figures { draw_s: took.as_secs_f64(), ..model.figures() };
-        let frame = Frame { number: drawn.number, pictures: drawn.pictures.clone(), figures };
+        let (number, followed) = (drawn.number, self.queue.left());
+        let frame = Frame { number, followed, pictures: drawn.pictures.clone(), figures };
         (self.publish)(Output::Frame(Arc::new(frame)));
     }
 }

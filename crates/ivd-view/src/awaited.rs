@@ -1,12 +1,14 @@
 //! What was typed or chosen and isn't followed yet: it is shown where that was done until an answer comes.
 
+use std::collections::BTreeMap;
+
 use ivd_frames::{MapName, Request, SolverName};
 
 /// The last of each kind.
 #[derive(Debug, Default)]
 pub(crate) struct Awaited {
-    /// Name of a slider or field, and its value.
-    value: Option<(String, f64)>,
+    /// By the names of sliders and fields.
+    values: BTreeMap<String, f64>,
     map: Option<MapName>,
     solver: Option<SolverName>,
 }
@@ -14,7 +16,7 @@ pub(crate) struct Awaited {
 impl Awaited {
     /// A slider or field was changed.
     pub(crate) fn turn(&mut self, name: &str, value: f64) {
-        self.value = Some((name.to_owned(), value));
+        self.values.insert(name.to_owned(), value);
     }
 
     /// Something is asked for.
@@ -29,7 +31,7 @@ impl Awaited {
 
     /// The value of a slider or field as it will be, or as it is shown.
     pub(crate) fn value(&self, name: &str, shown: f64) -> f64 {
-        self.value.as_ref().filter(|(turned, _)| turned == name).map_or(shown, |(_, value)| *value)
+        self.values.get(name).copied().unwrap_or(shown)
     }
 
     /// How voxels will follow, or do.

@@ -50,7 +50,7 @@ impl Window {
         if self.hands.pane().is_some() && pressed(Key::Escape) {
             let asked = self.hands.give_up();
             self.ask_all(asked);
-        } else if self.can_stop() && pressed(Key::Escape) {
+        } else if self.can_stop() && !context.text_edit_focused() && pressed(Key::Escape) {
             self.ask(Request::Stop);
         }
         let shortcut = |keys: &KeyboardShortcut| context.input_mut(|input| input.consume_shortcut(keys));

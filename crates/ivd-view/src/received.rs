@@ -75,10 +75,13 @@ impl Window {
         }
         if let Some(frame) = frame {
             work.is_shown(frame.figures.missed.is_empty());
-            let answers = self.asked.take().is_some_and(|waits| waits.changes());
+            let answered = self.asked.take_if(|waits| waits.is_answered(frame.followed));
+            let answers = answered.is_some_and(|waits| waits.changes());
             self.made_again(&frame.figures);
             self.pending.shown(&frame.figures);
-            self.awaited = Awaited::default();
+            if self.asked.is_none() {
+                self.awaited = Awaited::default();
+            }
             self.recorded(&frame.pictures[0]);
             let before = self.shown.figures().map(|figures| (figures.level, figures.vertices));
             let (level, vertices) = (frame.figures.level, frame.figures.vertices);

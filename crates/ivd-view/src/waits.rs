@@ -14,18 +14,32 @@ const SAVING: &str = "saving";
 pub(crate) struct Waits {
     does: &'static str,
     since: Instant,
+    /// Number of the request that is waited for.
+    number: u64,
 }
 
 impl Waits {
     pub(crate) fn begin() -> Self {
-        Self { does: DRAWING, since: Instant::now() }
+        Self { does: DRAWING, since: Instant::now(), number: 0 }
     }
 
-    /// Something more is asked for: what is worked on is what was asked first, but for what only looks.
-    pub(crate) fn ask(&mut self, request: &Request) {
-        if self.does == DRAWING {
-            self.does = doing(request);
+    /// Something more is asked for; whether it does more than look. What is worked on is what was asked first that does.
+    pub(crate) fn ask(&mut self, request: &Request) -> bool {
+        let does = doing(request);
+        if self.does == DRAWING && does != DRAWING {
+            (self.does, self.since) = (does, Instant::now());
         }
+        does != DRAWING
+    }
+
+    /// The request of that number is waited for.
+    pub(crate) fn until(&mut self, number: u64) {
+        self.number = number;
+    }
+
+    /// Whether a frame that comes after so many requests is what is waited for.
+    pub(crate) fn is_answered(&self, followed: u64) -> bool {
+        self.number <= followed
     }
 
     /// Whether what is done changes something.
@@ -77,6 +91,11 @@ fn doing(request: &Request) -> &'static str {
         | Request::ClipIn { .. }
         | Request::Unclip { .. } => "clipping",
         Request::Turn { .. } => "turning a bone",
+        Request::DrawBone { .. }
+        | Request::Bone { .. }
+        | Request::SetBone { .. }
+        | Request::Joint { .. }
+        | Request::RemoveBone { .. } => "changing a bone",
         Request::Undo => "undoing",
         Request::Redo => "doing it again",
         Request::Level { .. } => "changing the level",
@@ -96,9 +115,15 @@ mod tests {
         assert_eq!(after(3900).as_deref(), Some("cutting, 3 s …"));
         let mut waits = Waits::begin();
         let hover = Request::Hover { pane: ivd_frames::Pane::Axial, at: [0.5; 2] };
-        for (request, does) in [(hover.clone(), DRAWING), (Request::Undo, "undoing"), (hover, "undoing")] {
-            waits.ask(&request);
+        for (n, request, does) in
+            [(1, hover.clone(), DRAWING), (2, Request::Undo, "undoing"), (3, hover, "undoing")]
+        {
+            if waits.ask(&request) {
+                waits.until(n);
+            }
             assert_eq!(waits.does, does);
         }
+        // Frames of what only looked don't answer it.
+        assert!(!waits.is_answered(1) && waits.is_answered(2));
     }
 }

@@ -214,8 +214,11 @@ impl Window {
                 making.ask(&request);
             }
             let waits = self.asked.get_or_insert_with(Waits::begin);
-            waits.ask(&request);
-            work.ask(request);
+            let changes = waits.ask(&request);
+            let number = work.ask(request);
+            if changes {
+                waits.until(number);
+            }
         }
     }
 

@@ -113,12 +113,14 @@ impl Work {
         Ok(Self { service, cancel, shared, source: again, of, scan, journal, left, is_shown, is_last })
     }
 
-    /// Asks the service.
-    pub(crate) fn ask(&self, request: Request) {
-        if !self.service.as_ref().is_none_or(|service| service.ask(HERE, request)) {
+    /// Asks the service; by what number frames tell that it was followed.
+    pub(crate) fn ask(&self, request: Request) -> u64 {
+        let Some(service) = &self.service else { return 0 };
+        if !service.ask(HERE, request) {
             let problem = "too much at once: wait for what was asked before".to_owned();
             self.shared.locked().problems.push_back(problem);
         }
+        service.asked()
     }
 
     /// Asks for the log, to make the same again.

@@ -191,7 +191,9 @@ impl Model {
 
     /// What is let go of while the hand is ahead comes as close as a few tries bring it.
     pub(super) fn come_closest(&mut self) -> Result<(), Error> {
-        self.drag = self.drag.map(|drag| Drag { share: drag.share.max(2.0 * LEAST_SHARE), ..drag });
+        // What was stopped stays where it is.
+        let share = |drag: Drag| if drag.share > 0.0 { drag.share.max(2.0 * LEAST_SHARE) } else { 0.0 };
+        self.drag = self.drag.map(|drag| Drag { share: share(drag), ..drag });
         self.try_closer(Instant::now() + QUICK)
     }
 }

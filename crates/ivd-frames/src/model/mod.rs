@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 
 use ivd_core::{BRICK, Cancel, Exec, TransferFunction, Volume};
 use ivd_field::clip::ClipParams;
-use ivd_motion::handles::{Action, Anchor, Handle, Pin};
+use ivd_motion::handles::{Action, Handle, Pin};
 use ivd_render::{Lens, View};
 use ivd_session::{Event, Id, Physics, Session, Settings, Update};
 use nalgebra::Vector3;
@@ -297,7 +297,10 @@ impl Model {
             }
             Request::Drop => {
                 self.come_closest()?;
-                (self.refused, self.hovered) = (self.stopped_short(), None);
+                if self.drag.is_some() {
+                    self.refused = self.stopped_short();
+                }
+                self.hovered = None;
                 self.let_go()
             }
             Request::Abandon => {
@@ -316,8 +319,8 @@ impl Model {
                 self.set_radius(handle, (self.radius * 1.1_f64.powi(*steps)).clamp(1e-3, 1e6))
             }
             Request::Add { place, by } => {
-                let handle =
-                    Handle { at: Anchor::NearestTo(*place), action: Action::Move(*by), radius: self.radius };
+                let at = sheet::anchor(self.session.lattice(), *place);
+                let handle = Handle { at, action: Action::Move(*by), radius: self.radius };
                 no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
                 self.apply(Event::Add { id: None, handle })
             }

@@ -1,6 +1,6 @@
 //! Cuts and bones.
 
-use ivd_core::Grid;
+use ivd_core::{Cancel, Grid};
 use ivd_map::space::{Cut, Step};
 use ivd_motion::rigid::RigidTransform;
 use ivd_session::{Event, Id, Settings};
@@ -89,6 +89,8 @@ impl Model {
                         model.apply(Event::Space { id: None, step })?;
                         // Within a step that goes on: what was there comes back.
                         let Some(refused) = model.refused.take() else { return Ok(()) };
+                        // A stop doesn't keep it away.
+                        model.stop = Cancel::default();
                         model.apply(Event::Space { id: None, step: Step::Cut(was) })?;
                         model.refused = Some(refused);
                         Ok(())

@@ -24,6 +24,8 @@ impl Model {
     ) -> Result<(), Error> {
         if error.error_class() == ErrorClass::Cancelled {
             self.exec.check_cancelled()?;
+            // What is held isn't tried to come closer, then.
+            self.drag = self.drag.map(|drag| Drag { share: 0.0, ..drag });
             self.refused = Some(self.refusal("it was stopped".to_owned()));
             return Ok(());
         }

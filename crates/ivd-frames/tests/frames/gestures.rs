@@ -1,6 +1,6 @@
 //! What a hand does is where it is seen.
 
-use ivd_core::{Exec, VoxelCoord, VoxelIndex};
+use ivd_core::{Cancel, Exec, VoxelCoord, VoxelIndex};
 use ivd_field::sampler::Sampler;
 use ivd_frames::{Axis, Figures, Model, Pane, Request};
 use nalgebra::{Matrix4, Vector3, Vector4};
@@ -424,4 +424,30 @@ fn what_leaves_the_scan_is_told_by_how_far() {
     let beyond = outside.handles[0].now[2] - 31.5;
     assert!(beyond > 0.5 && (outside.cut_off_mm - beyond).abs() < 1e-6, "{} of {beyond}", outside.cut_off_mm);
     assert_eq!(follow(&mut model, &Request::Undo).cut_off_mm, 0.0);
+}
+
+#[test]
+fn a_drag_that_is_stopped_stays_where_it_was_when_it_is_let_go_of() {
+    let mut model = model(BALL);
+    follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    let before = follow(&mut model, &Request::Drag { to: [0.5, 0.49], lock: None }).handles[0].by;
+    let stop = Cancel::default();
+    stop.cancel();
+    model.stops_by(stop);
+    let stopped = follow(&mut model, &Request::Drag { to: [0.5, 0.45], lock: None });
+    assert_eq!((stopped.refused.unwrap().why.as_str(), stopped.handles[0].by), ("it was stopped", before));
+    model.stops_by(Cancel::default());
+    let dropped = follow(&mut model, &Request::Drop);
+    assert_eq!((dropped.held, dropped.handles[0].by), (None, before));
+    assert!(dropped.refused.is_some_and(|told| told.why.ends_with("it was stopped")));
+    // What a slider is stopped at is told after it is let go of, too.
+    let stop = Cancel::default();
+    stop.cancel();
+    model.stops_by(stop);
+    follow(&mut model, &Request::Adjust);
+    follow(&mut model, &Request::Stiffness { stiffness: 300.0 });
+    model.stops_by(Cancel::default());
+    let dropped = follow(&mut model, &Request::Drop);
+    assert_eq!(dropped.refused.map(|told| told.why).as_deref(), Some("it was stopped"));
+    assert!(dropped.stiffness < 300.0);
 }

@@ -502,7 +502,7 @@ addEventListener("keydown", (event) => {
   const typing = /INPUT|SELECT/.test(document.activeElement?.tagName ?? "") && document.activeElement.type !== "radio";
   if (event.key === "Escape") {
     if (press?.does === "handle") { wanted = wanted?.filter((one) => one.do !== "drag") ?? null; now({ do: "abandon" }); }
-    else if (!press && drives) now({ do: "stop" });
+    else if (!press && drives && !typing && $("keys").hidden) now({ do: "stop" });
     press = null;
     draw();
     if (!$("keys").hidden) $("help").click();
