@@ -58,7 +58,7 @@ impl Window {
 
     /// Whether there is something to be warned of.
     pub(crate) fn is_warned(&self) -> bool {
-        self.shown.figures().is_some_and(|figures| warned(figures) != [None, None, None])
+        self.shown.figures().is_some_and(|figures| warned(figures).iter().any(Option::is_some))
     }
 
     /// What is to be known before what is seen is trusted, above the line.

@@ -46,9 +46,7 @@ impl Model {
             return Ok(Some(Hovered { class: self.class_at(place), ..hovered }));
         }
         let rest = self.rest_of(place);
-        let lattice = self.session.lattice();
-        let found = find_picks(lattice, "handle", [&sheet::anchor(lattice, rest)]);
-        let vertex = found.ok().and_then(|picks| picks.first().copied());
+        let vertex = sheet::pick(self.session.lattice(), rest);
         let now = vertex.map(|pick| self.now_at(&pick));
         let volume = self.session.whole();
         let grid = volume.grid();
@@ -61,7 +59,7 @@ impl Model {
             handle: self.handle_at(pane, at),
             vertex: vertex.map(|pick| pick.at),
             vertex_at: now.map_or([None; 4], |now| self.panes.shares(grid, &self.lens, now)),
-            away_mm: vertex.map(|pick| (Vector3::from(pick.at) - Vector3::from(rest)).norm()),
+            away_mm: vertex.map(|pick| pick.away()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
     }
@@ -192,8 +190,10 @@ impl Model {
     /// What is let go of while the hand is ahead comes as close as a few tries bring it.
     pub(super) fn come_closest(&mut self) -> Result<(), Error> {
         // What was stopped stays where it is.
-        let share = |drag: Drag| if drag.share > 0.0 { drag.share.max(2.0 * LEAST_SHARE) } else { 0.0 };
-        self.drag = self.drag.map(|drag| Drag { share: share(drag), ..drag });
+        if self.drag.is_some_and(|drag| drag.share == 0.0) {
+            return Ok(());
+        }
+        self.drag = self.drag.map(|drag| Drag { share: drag.share.max(2.0 * LEAST_SHARE), ..drag });
         self.try_closer(Instant::now() + QUICK)
     }
 }

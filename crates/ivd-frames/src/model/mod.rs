@@ -96,7 +96,7 @@ struct Drag {
     across: Across,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
-    /// Where that is refused, the share of the way there that is tried next.
+    /// Where that is refused, the share of the way there that is tried next; 0: none is, as it was stopped.
     share: f64,
 }
 

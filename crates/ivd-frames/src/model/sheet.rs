@@ -3,20 +3,27 @@
 
 use ivd_core::Lattice;
 use ivd_core::geometry::closest_on_triangle;
-use ivd_motion::handles::{Anchor, find_picks};
+use ivd_motion::handles::{Anchor, Pick, find_picks};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+/// The vertex that a place (mm, RAS) means; none where the nearest is too far to be picked.
+pub(super) fn pick(lattice: &Lattice, place: [f64; 3]) -> Option<Pick> {
+    nearest_and_meant(lattice, place).map(|[_, meant]| meant)
+}
+
 /// The place to anchor what was put at a place (mm, RAS) at: that place where its nearest vertex belongs to its sheet, else the sheet's vertex that is nearest.
 pub(super) fn anchor(lattice: &Lattice, place: [f64; 3]) -> Anchor {
-    let there = Anchor::NearestTo(place);
-    let nearest = find_picks(lattice, "handle", [&there]).ok().and_then(|picks| picks.first().copied());
-    match (nearest, vertex_of_sheet(lattice, place)) {
-        (Some(nearest), Some(of_sheet)) if nearest.vertex != of_sheet => {
-            Anchor::NearestTo(lattice.world(of_sheet).0.into())
-        }
-        _ => there,
+    match nearest_and_meant(lattice, place) {
+        Some([nearest, meant]) if nearest.vertex != meant.vertex => Anchor::NearestTo(meant.at),
+        _ => Anchor::NearestTo(place),
     }
+}
+
+fn nearest_and_meant(lattice: &Lattice, place: [f64; 3]) -> Option<[Pick; 2]> {
+    let nearest = *find_picks(lattice, "handle", [&Anchor::NearestTo(place)]).ok()?.first()?;
+    let vertex = vertex_of_sheet(lattice, place).unwrap_or(nearest.vertex);
+    Some([nearest, Pick { vertex, at: lattice.world(vertex).0.into(), ..nearest }])
 }
 
 /// The vertex nearest to a place (mm, RAS) among the corners of the nearest triangle and of those round it that face as that does.
@@ -40,10 +47,14 @@ fn vertex_of_sheet(lattice: &Lattice, place: [f64; 3]) -> Option<usize> {
     };
     let normal = facing(nearest);
     let is_beside = |t: &usize| triangles[*t].iter().any(|v| triangles[nearest].contains(v));
-    let beside = (0..triangles.len()).filter(is_beside).filter(|&t| facing(t).dot(&normal) > 0.0);
-    let vertices = std::iter::once(nearest).chain(beside).flat_map(|t| triangles[t]);
+    let is_of_sheet = |t: &usize| is_beside(t) && (*t == nearest || facing(*t).dot(&normal) > 0.0);
     let away = |v: u32| ((at[v as usize] - place).norm_squared(), v as usize);
-    vertices.map(away).reduce(nearer).map(|(_, vertex)| vertex)
+    let closest = |t: usize| {
+        let [a, b, c] = triangles[t].map(away);
+        nearer(nearer(a, b), c)
+    };
+    let beside = (0..triangles.len()).into_par_iter().with_min_len(1024).filter(is_of_sheet);
+    beside.map(closest).reduce_with(nearer).map(|(_, vertex)| vertex)
 }
 
 #[cfg(test)]
