@@ -49,7 +49,7 @@ pub use overlay::{Overlay, Scale};
 pub use preview::{Scan, VolumeAtRest};
 pub use request::{Axis, MapName, Pane, Request, Saved, SolverName};
 pub use save::File;
-pub use service::{Client, Frame, Output, Picture, Service};
+pub use service::{Client, Frame, Output, Picture, Service, TOO_MUCH};
 pub use sight::Sight;
 pub use source::{Opened, Source, demo_scene};
 pub use subject::{Subject, bare_scene};

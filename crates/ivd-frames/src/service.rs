@@ -27,6 +27,8 @@ const QUICK: Duration = Duration::from_millis(12);
 const UNSEEN: Duration = Duration::from_millis(100);
 /// So many requests wait until something is opened.
 const MOST_LATER: usize = 256;
+/// What is said of those that don't.
+pub const TOO_MUCH: &str = "too much at once: wait for what was asked before";
 /// By how much the sides of a picture are divided at most.
 const COARSEST: usize = 4;
 
@@ -89,8 +91,8 @@ pub enum Output {
     Scan(Arc<Scan>),
     /// A frame.
     Frame(Arc<Frame>),
-    /// A file that was asked for.
-    File(Client, Arc<File>),
+    /// A file that was asked for, or why there is none: one answer to each [`Request::Save`] that is taken, unless whoever asked is gone.
+    File(Client, Result<Arc<File>, String>),
     /// Why a request was refused.
     Problem(Client, String),
     /// Why there will be no more frames.
@@ -192,12 +194,14 @@ struct Worker<P> {
 /// What waits until something is opened.
 type Later = Vec<(Client, Request)>;
 
-/// Lets a request wait, with the one before where that does the work of both; of too many the last are let go.
-fn wait(later: &mut Later, client: Client, request: Request) {
+/// Lets a request wait, with the one before where that does the work of both. Whether it does: of too many the last are let go.
+fn wait(later: &mut Later, client: Client, request: Request) -> bool {
     let merged = later.last_mut().is_some_and(|(who, last)| *who == client && last.merge(&request));
-    if !merged && later.len() < MOST_LATER {
+    let waits = merged || later.len() < MOST_LATER;
+    if waits && !merged {
         later.push((client, request));
     }
+    waits
 }
 
 /// Lets go of what waits to be taken hold of, and of nothing where nothing does.
@@ -211,7 +215,7 @@ fn let_go(client: Client, request: Request, later: &mut Later) {
             let rest = later.split_off(held);
             later.extend(rest.into_iter().filter(|(who, _)| *who != client));
         }
-        Some(_) => wait(later, client, request),
+        Some(_) => _ = wait(later, client, request),
     }
 }
 
@@ -399,7 +403,12 @@ impl<P: FnMut(Output)> Worker<P> {
             }
             // Where a pointer once was is nothing to come back to.
             _ if matches!(request, Request::Hover { .. }) => {}
-            _ => wait(later, client, request),
+            _ => {
+                let saves = matches!(request, Request::Save { .. });
+                if !wait(later, client, request) && saves {
+                    (self.publish)(Output::File(client, Err(TOO_MUCH.to_owned())));
+                }
+            }
         }
     }
 
@@ -411,32 +420,35 @@ impl<P: FnMut(Output)> Worker<P> {
         model: &mut Model,
         log: &Mutex<Lines>,
     ) -> Result<(), Error> {
-        let followed = match request {
-            Request::Save { what } => {
-                let file = if *what == Saved::Log {
-                    log.lock().unwrap_or_else(PoisonError::into_inner).text()
-                } else {
-                    Ok(String::new())
-                };
-                let file = file.and_then(|log| model.save(*what, log, &self.exec));
-                if file.is_ok() && *what == Saved::Scene {
-                    model.keep();
-                }
-                file.map(|file| (self.publish)(Output::File(client, Arc::new(file))))
-            }
-            request => {
-                model.stops_by(begin(&self.following));
-                model.follow(request)
-            }
-        };
-        match followed {
-            Err(error) if error.error_class() == ErrorClass::Cancelled => Err(error),
-            Err(error) => {
-                (self.publish)(Output::Problem(client, error.to_string()));
-                Ok(())
-            }
-            Ok(()) => Ok(()),
+        if let Request::Save { what } = request {
+            let file = match self.save(*what, model, log) {
+                Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
+                made => made.map(Arc::new).map_err(|error| error.to_string()),
+            };
+            (self.publish)(Output::File(client, file));
+            return Ok(());
         }
+        model.stops_by(begin(&self.following));
+        match model.follow(request) {
+            Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
+            Err(error) => (self.publish)(Output::Problem(client, error.to_string())),
+            Ok(()) => {}
+        }
+        Ok(())
+    }
+
+    /// Makes a file.
+    fn save(&self, what: Saved, model: &mut Model, log: &Mutex<Lines>) -> Result<File, Error> {
+        let lines = if what == Saved::Log {
+            log.lock().unwrap_or_else(PoisonError::into_inner).text()?
+        } else {
+            String::new()
+        };
+        let file = model.save(what, lines, &self.exec)?;
+        if what == Saved::Scene {
+            model.keep();
+        }
+        Ok(file)
     }
 
     /// A picture that can't be drawn is told; the one before stays. What the user interrupts ends.

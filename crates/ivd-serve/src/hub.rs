@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use ivd_frames::{Client, File, Frame, Output, Request, Scan, Service};
+use ivd_frames::{Client, File, Frame, Output, Request, Scan, Service, TOO_MUCH};
 use serde_json::{Value as Json, json};
 use tokio::sync::{Semaphore, mpsc, watch};
 
@@ -20,13 +20,21 @@ const WORDS: usize = 64;
 /// Notes that are kept for those who come later.
 const NOTES: usize = 50;
 
+/// A file that somebody waits for, or why there is none.
+pub(crate) type Answer = Result<Arc<File>, String>;
+
 /// What is said to one connection beside frames.
-#[derive(Debug, Clone)]
-pub(crate) enum Word {
+pub(crate) struct Said {
     /// Something to read.
-    Text(Json),
-    /// A file to keep.
-    File(Arc<File>),
+    pub(crate) words: mpsc::Receiver<Json>,
+    /// What was asked for; not let go, as there is one at a time.
+    pub(crate) files: mpsc::Receiver<Answer>,
+}
+
+/// Where that is said.
+struct Ear {
+    words: mpsc::Sender<Json>,
+    files: mpsc::Sender<Answer>,
 }
 
 /// What is shown.
@@ -54,7 +62,7 @@ pub(crate) struct Hub {
     driving: watch::Sender<Option<Client>>,
     pub(crate) failed: watch::Sender<Option<Arc<ivd_frames::Error>>>,
     wheel: Mutex<Wheel>,
-    words: Mutex<BTreeMap<Client, mpsc::Sender<Word>>>,
+    ears: Mutex<BTreeMap<Client, Ear>>,
     notes: Mutex<Vec<String>>,
     /// Who waits for a file.
     saving: Mutex<BTreeSet<Client>>,
@@ -76,7 +84,7 @@ impl Hub {
             driving: watch::Sender::new(None),
             failed: watch::Sender::new(None),
             wheel: Mutex::default(),
-            words: Mutex::default(),
+            ears: Mutex::default(),
             notes: Mutex::default(),
             saving: Mutex::default(),
             next: AtomicU64::new(1),
@@ -112,29 +120,33 @@ impl Hub {
                 frame.pictures.iter().for_each(|picture| _ = picture.png());
                 _ = self.shown.send_replace(Some(Shown::Frame(frame)));
             }
-            Output::File(client, file) => self.say(client, Word::File(file)),
-            Output::Problem(client, text) => {
-                self.has_file(client);
-                self.say(client, problem(&text));
-            }
+            Output::File(client, file) => self.answer(client, file),
+            Output::Problem(client, text) => self.say(client, problem(&text)),
             Output::Failed(error) => _ = self.failed.send_replace(Some(error)),
         }
     }
 
     /// Tells everybody something, also those who come later.
     pub(crate) fn note(&self, text: String) {
-        let word = Word::Text(json!({ "kind": "note", "text": text }));
+        let word = json!({ "kind": "note", "text": text });
         let mut notes = locked(&self.notes);
         notes.push(text);
         let over = notes.len().saturating_sub(NOTES);
         notes.drain(..over);
-        locked(&self.words).values().for_each(|words| _ = words.try_send(word.clone()));
+        locked(&self.ears).values().for_each(|ear| _ = ear.words.try_send(word.clone()));
         drop(notes);
     }
 
-    pub(crate) fn say(&self, client: Client, word: Word) {
-        if let Some(words) = locked(&self.words).get(&client) {
-            let _ = words.try_send(word);
+    pub(crate) fn say(&self, client: Client, word: Json) {
+        if let Some(ear) = locked(&self.ears).get(&client) {
+            let _ = ear.words.try_send(word);
+        }
+    }
+
+    /// Gives somebody the file that they wait for.
+    fn answer(&self, client: Client, file: Answer) {
+        if let Some(ear) = locked(&self.ears).get(&client) {
+            let _ = ear.files.try_send(file);
         }
     }
 
@@ -149,22 +161,23 @@ impl Hub {
     }
 
     /// A place for somebody who has said who they are.
-    pub(crate) fn enter(&self) -> (Client, mpsc::Receiver<Word>) {
+    pub(crate) fn enter(&self) -> (Client, Said) {
         let client = self.next.fetch_add(1, Ordering::Relaxed);
-        let (sender, receiver) = mpsc::channel(WORDS);
+        let (words, words_said) = mpsc::channel(WORDS);
+        let (files, files_said) = mpsc::channel(1);
         // Nobody notes anything meanwhile.
         let notes = locked(&self.notes);
         for text in notes.iter() {
-            let _ = sender.try_send(Word::Text(json!({ "kind": "note", "text": text })));
+            let _ = words.try_send(json!({ "kind": "note", "text": text }));
         }
-        locked(&self.words).insert(client, sender);
+        locked(&self.ears).insert(client, Ear { words, files });
         drop(notes);
-        (client, receiver)
+        (client, Said { words: words_said, files: files_said })
     }
 
     /// Somebody is gone; what they asked for isn't begun any more, and what they held is abandoned.
     pub(crate) fn leave(&self, client: Client) {
-        locked(&self.words).remove(&client);
+        locked(&self.ears).remove(&client);
         locked(&self.saving).remove(&client);
         if let Some(service) = locked(&self.service).as_ref() {
             service.forget(client);
@@ -211,17 +224,58 @@ impl Hub {
 
     /// Asks the service.
     pub(crate) fn ask(&self, client: Client, request: Request) {
-        if matches!(request, Request::Save { .. }) && !locked(&self.saving).insert(client) {
+        let saves = matches!(request, Request::Save { .. });
+        if saves && !locked(&self.saving).insert(client) {
             return self.say(client, problem("a file is on its way: ask for the next when it is there"));
         }
-        let asked = locked(&self.service).as_ref().map(|service| service.ask(client, request));
-        if asked == Some(false) {
-            self.say(client, problem("too much at once: wait for what was asked before"));
+        let taken = locked(&self.service).as_ref().is_some_and(|service| service.ask(client, request));
+        match (taken, saves) {
+            (true, _) => {}
+            (false, true) => self.answer(client, Err(TOO_MUCH.to_owned())),
+            (false, false) => self.say(client, problem(TOO_MUCH)),
         }
     }
 }
 
 /// Tells somebody why something wasn't done.
-pub(crate) fn problem(text: &str) -> Word {
-    Word::Text(json!({ "kind": "problem", "text": text }))
+pub(crate) fn problem(text: &str) -> Json {
+    json!({ "kind": "problem", "text": text })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use ivd_core::Exec;
+    use ivd_frames::{Error, Pane, Saved};
+
+    use super::*;
+
+    const SAVE: Request = Request::Save { what: Saved::Scene };
+
+    #[test]
+    fn who_asks_for_a_file_is_answered_however_much_is_said_beside() {
+        let hub = Hub::new(Token::new().unwrap(), Token::new().unwrap());
+        let (opens, opened) = channel::<()>();
+        // It follows nothing until it is opened, and then it fails.
+        let open = move |_: &_| {
+            let _ = opened.recv();
+            Err::<ivd_frames::Begun, _>(Error::Io { what: "a test", problem: "it ends".to_owned() })
+        };
+        let there = hub.clone();
+        let service = Service::start(open, Exec::default(), move |output| there.take(output)).unwrap();
+        hub.set_service(Some(service));
+        let (client, mut said) = hub.enter();
+        // Far more than waits, and far more than is said of it.
+        for pane in [Pane::Axial, Pane::Coronal].iter().cycle().take(2000) {
+            hub.ask(client, Request::Slice { pane: *pane, steps: 1 });
+        }
+        for _ in 0..3 {
+            hub.ask(client, SAVE);
+            assert_eq!(said.files.blocking_recv().unwrap().unwrap_err(), TOO_MUCH);
+            hub.has_file(client);
+        }
+        drop(opens);
+        hub.set_service(None);
+    }
 }

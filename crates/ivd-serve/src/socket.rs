@@ -11,7 +11,7 @@ use serde_json::{Value as Json, json};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
-use crate::hub::{Hub, Role, Shown, Word, problem};
+use crate::hub::{Answer, Hub, Role, Said, Shown, problem};
 
 /// Most bytes of a message.
 pub(crate) const MOST_BYTES: usize = 64 << 10;
@@ -63,8 +63,8 @@ pub(crate) async fn connected(mut socket: WebSocket, hub: Arc<Hub>, place: Owned
         let _ = timeout(TO_TAKE, socket.send(text(&word))).await;
         return;
     };
-    let (client, words) = hub.enter();
-    let served = serve(&mut socket, &hub, client, role, words).await;
+    let (client, said) = hub.enter();
+    let served = serve(&mut socket, &hub, client, role, said).await;
     hub.leave(client);
     drop((served, place));
 }
@@ -74,7 +74,7 @@ async fn serve(
     hub: &Hub,
     client: Client,
     role: Role,
-    mut words: tokio::sync::mpsc::Receiver<Word>,
+    mut said: Said,
 ) -> Result<(), Gone> {
     let (mut shown, mut driving) = (hub.shown(), hub.driving());
     let mut has = Has::default();
@@ -87,15 +87,11 @@ async fn serve(
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => {}
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return Err(Gone),
             },
-            Some(word) = words.recv() => match word {
-                Word::Text(word) => send(socket, text(&word)).await?,
-                Word::File(file) => {
-                    let head = json!({ "kind": "file", "name": file.name, "bytes": file.bytes.len() });
-                    // A file takes as long as its way is slow.
-                    let sent = timeout(TO_TAKE_FILE, socket.send(binary(&head, &[&file.bytes]))).await;
-                    hub.has_file(client);
-                    sent.map_err(|_| Gone)?.map_err(|_| Gone)?;
-                }
+            Some(word) = said.words.recv() => send(socket, text(&word)).await?,
+            Some(file) = said.files.recv() => {
+                let sent = send_file(socket, file).await;
+                hub.has_file(client);
+                sent?;
             },
             Ok(()) = driving.changed() => {
                 let driver = *driving.borrow_and_update();
@@ -140,6 +136,20 @@ fn follow(hub: &Hub, client: Client, role: Role, said: &str) {
 
 async fn send(socket: &mut WebSocket, message: Message) -> Result<(), Gone> {
     match timeout(TO_TAKE, socket.send(message)).await {
+        Ok(Ok(())) => Ok(()),
+        _ => Err(Gone),
+    }
+}
+
+/// Sends a file, or why there is none.
+async fn send_file(socket: &mut WebSocket, file: Answer) -> Result<(), Gone> {
+    let file = match file {
+        Ok(file) => file,
+        Err(why) => return send(socket, text(&problem(&why))).await,
+    };
+    let head = json!({ "kind": "file", "name": file.name, "bytes": file.bytes.len() });
+    // A file takes as long as its way is slow.
+    match timeout(TO_TAKE_FILE, socket.send(binary(&head, &[&file.bytes]))).await {
         Ok(Ok(())) => Ok(()),
         _ => Err(Gone),
     }

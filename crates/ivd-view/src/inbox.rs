@@ -63,14 +63,15 @@ impl Shared {
             }
             Output::Scan(scan) => self.locked().scan = Some(scan),
             Output::Frame(frame) => self.locked().frame = Some(frame),
-            Output::File(AGAIN, file) => self.locked().done_before = Some(entries(&file)),
-            Output::Problem(AGAIN, text) => self.locked().done_before = Some(Err(text)),
-            Output::File(_, file) => {
+            Output::File(AGAIN, file) => {
+                self.locked().done_before = Some(file.and_then(|file| entries(&file)));
+            }
+            Output::File(_, Ok(file)) => {
                 let what = file.what;
                 let kept = self.keeping.write(&file);
                 self.locked().kept.push_back((Keeps::Asked(what), kept));
             }
-            Output::Problem(_, text) => self.locked().problems.push_back(text),
+            Output::Problem(_, text) | Output::File(_, Err(text)) => self.locked().problems.push_back(text),
             Output::Failed(error) => self.locked().failed = Some(error),
         }
         self.context.request_repaint();

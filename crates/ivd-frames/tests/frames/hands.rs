@@ -34,7 +34,7 @@ impl Hands {
             let mut said = there.0.lock().unwrap();
             match output {
                 Output::Frame(frame) => said.frame = Some(frame),
-                Output::File(_, file) => said.file = Some(file),
+                Output::File(_, file) => said.file = Some(file.unwrap()),
                 Output::Failed(error) => said.failed = Some(error.to_string()),
                 _ => {}
             }

@@ -63,7 +63,7 @@ fn answers_find_those_who_asked() {
     while problem.is_none() || file.is_none() {
         match outputs.recv_timeout(LONG).unwrap() {
             Output::Problem(client, text) => problem = Some((client, text)),
-            Output::File(client, found) => file = Some((client, found.name)),
+            Output::File(client, found) => file = Some((client, found.unwrap().name)),
             _ => {}
         }
     }
@@ -210,7 +210,7 @@ fn a_log_is_opened_again_with_its_steps() {
     service.ask(1, Request::Save { what: Saved::Log });
     let kept = loop {
         if let Output::File(_, file) = outputs.recv_timeout(LONG).unwrap() {
-            break file;
+            break file.unwrap();
         }
     };
     let file = folder.path().join(kept.name);

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use ivd_frames::TOO_MUCH;
 use ivd_serve::Place;
 use serde_json::{Value as Json, json};
 
@@ -146,8 +147,16 @@ fn round(client: &mut Client, draw: &mut Draw) -> f64 {
     }
     client.send(&json!({ "do": "drop" }));
     // Once there is an answer, all of them were followed.
-    client.send(&json!({ "do": "save", "what": "scene" }));
-    client.hear_of("file", |_| true);
+    let mut saved = false;
+    while !saved {
+        client.send(&json!({ "do": "save", "what": "scene" }));
+        saved = loop {
+            let head = client.hear().expect("the connection goes on").head;
+            if head["kind"] == "file" || head["text"] == json!(TOO_MUCH) {
+                break head["kind"] == "file";
+            }
+        };
+    }
     loop {
         (0..16).for_each(|_| client.send(&json!({ "do": "undo" })));
         if client.hear_of("frame", |_| true).head["figures"]["undo"].is_null() {
