@@ -1,6 +1,7 @@
 //! Brightness, contrast and colours, as they are turned by hand.
 
 use ivd_core::{TransferFunction, Volume};
+use ivd_pipeline::scene::WindowSection;
 
 /// Share of the voxels looked at that may be darker than black, or lighter than white.
 const CLIPPED: f64 = 0.005;
@@ -15,6 +16,11 @@ pub(crate) struct Window {
 }
 
 impl Window {
+    /// What a scene says, or what most values of a volume lie in.
+    pub(crate) fn of_section(said: &WindowSection, volume: &Volume) -> Self {
+        said.values.map_or_else(|| Self::of(volume), |[low, high]| Self { low, high })
+    }
+
     /// What most values of a volume lie in.
     pub(crate) fn of(volume: &Volume) -> Self {
         let len = volume.grid().len();
@@ -65,6 +71,16 @@ pub(crate) struct Turned {
 impl Turned {
     /// As it came.
     pub(crate) const NONE: Self = Self { shift: 0.0, widen: 0.0 };
+
+    /// As a scene says that windows show it.
+    pub(crate) fn of_section(said: &WindowSection) -> Self {
+        said.colours.map_or(Self::NONE, |[shift, widen]| Self { shift, widen })
+    }
+
+    /// The same as a scene says it.
+    pub(crate) fn said(self) -> Option<[f64; 2]> {
+        (self != Self::NONE).then_some([self.shift, self.widen])
+    }
 
     pub(crate) fn dragged(self, [right, down]: [f64; 2]) -> Self {
         Self { shift: (self.shift + right).clamp(-2.0, 2.0), widen: (self.widen - down).clamp(-3.0, 3.0) }

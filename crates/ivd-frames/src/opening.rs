@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ivd_core::Volume;
+use ivd_pipeline::scene::WindowSection;
 use ivd_session::Entry;
 
 use crate::Model;
@@ -21,7 +22,7 @@ type Waiting = Mutex<VecDeque<Told>>;
 pub(crate) enum Told {
     Stage(&'static str),
     Note(String),
-    Scan(Box<Volume>),
+    Scan(Box<(Volume, WindowSection)>),
     AtRest(Box<AtRest>),
     /// There will be no more.
     Done,
@@ -42,10 +43,10 @@ impl Tell {
         self.push(Told::Note(text));
     }
 
-    /// The scan is read.
-    pub fn scan(&self, volume: &Volume) {
+    /// The scan is read; `said`: what its scene says that windows show.
+    pub fn scan(&self, volume: &Volume, said: &WindowSection) {
         if self.0.is_some() {
-            self.push(Told::Scan(Box::new(volume.clone())));
+            self.push(Told::Scan(Box::new((volume.clone(), said.clone()))));
         }
     }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ivd_core::{Exec, NoObserver, TransferFunction, Volume, VoxelCoord};
+use ivd_pipeline::scene::WindowSection;
 use ivd_render::{Lens, RenderParams};
 
 use crate::colours::Window;
@@ -93,17 +94,20 @@ pub(crate) struct Preview {
 }
 
 impl Preview {
-    pub(crate) fn new(volume: Volume, exec: &Exec) -> Self {
-        let window = Window::of(&volume);
-        let planes = Planes::new(volume.grid());
+    pub(crate) fn new(volume: Volume, said: &WindowSection, exec: &Exec) -> Self {
+        let window = Window::of_section(said, &volume);
+        let mut planes = Planes::new(volume.grid());
+        if let Some(cross) = said.cross {
+            planes.meet(cross, volume.grid());
+        }
         // On threads of its own: those of what is opened are busy with that, for long at a time.
         // Nobody waits for what they do.
         let exec = exec.clone().with_threads(exec.threads()).with_observer(Arc::new(NoObserver));
         Self {
-            volume,
             planes,
             window,
-            first: window,
+            first: Window::of(&volume),
+            volume,
             hovered: None,
             versions: [1; 3],
             size: None,

@@ -67,6 +67,7 @@ impl Model {
         let mut scene = self.subject().scene_of(self.session().settings())?;
         self.write_looks(&mut scene)?;
         self.write_view(&mut scene)?;
+        scene.set_window(self.section())?;
         scene.set_output(self.session().displacement().is_identity());
         told(scene)
     }

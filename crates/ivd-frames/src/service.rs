@@ -351,8 +351,9 @@ impl<P: FnMut(Output)> Worker<P> {
                     Told::Done => return Ok(false),
                     Told::Stage(name) => (self.publish)(Output::Stage(name)),
                     Told::Note(text) => (self.publish)(Output::Note(text)),
-                    Told::Scan(volume) => {
-                        *preview = Some(Preview::new(*volume, &self.exec));
+                    Told::Scan(scan) => {
+                        let (volume, said) = *scan;
+                        *preview = Some(Preview::new(volume, &said, &self.exec));
                         sees_more = true;
                     }
                     Told::AtRest(seen) => {

@@ -121,7 +121,7 @@ impl Subject {
             if node.id == NodeId::IMPORT
                 && let Some(volume) = Volume::of(&result.artefact)
             {
-                tell.scan(volume);
+                tell.scan(volume, &loaded.scene.window.clone().unwrap_or_default());
             }
             done.insert(node.id, result);
         }

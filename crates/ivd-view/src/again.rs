@@ -73,7 +73,11 @@ impl Window {
                 self.ask(Request::Class { class: was.id, hidden: was.hidden, opacity, colour });
             }
         }
-        seen.requests.into_iter().for_each(|request| self.ask(request));
+        if !seen.requests.is_empty() {
+            // Those of its scene may be others by now.
+            let rulers = figures.rulers.iter().map(|ruler| Request::Unmeasure { ruler: ruler.id });
+            rulers.chain(seen.requests).for_each(|request| self.ask(request));
+        }
         if let Some(away) = farthest(&seen.handles, &figures.handles) {
             self.notes
                 .push(format!("made again: handles took vertices up to {away:.1} mm from where they were"));
@@ -98,8 +102,7 @@ pub(crate) struct Seen {
 
 impl Seen {
     fn of(figures: &Figures) -> Self {
-        let cut = figures.cut.map(|along| Request::Cut { along: Some(along) });
-        let overlay = figures.overlay.map(|of| Request::Overlay { of: Some(of) });
+        let (cut, overlay) = (Request::Cut { along: figures.cut }, Request::Overlay { of: figures.overlay });
         // They go with the body, which may have moved otherwise: at rest they are where they were.
         let ruler = |ruler: &Ruler| Request::Ruler { ruler: None, places: ruler.rest.clone() };
         let mut rulers: Vec<Request> = figures.rulers.iter().map(ruler).collect();
@@ -112,7 +115,7 @@ impl Seen {
             sight: Some(figures.sight()),
             classes: figures.classes.clone(),
             handles: figures.handles.clone(),
-            requests: cut.into_iter().chain(overlay).chain(rulers).collect(),
+            requests: [cut, overlay].into_iter().chain(rulers).collect(),
         }
     }
 }

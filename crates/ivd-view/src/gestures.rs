@@ -131,11 +131,6 @@ impl Hands {
         }
     }
 
-    /// Whether a handle is held that was taken hold of in the volume's pane.
-    pub(crate) fn holds_in_volume(&self) -> bool {
-        self.press.is_some_and(|press| press.does == Does::Handle && press.pane == Pane::Volume)
-    }
-
     /// A button goes up.
     pub(crate) fn released(&mut self, button: Button) -> Vec<Request> {
         let Some(press) = self.press.filter(|press| press.button == button) else { return Vec::new() };

@@ -181,11 +181,7 @@ impl Window {
                 }
                 Event::PointerButton { button, pressed: false, .. } => {
                     let Some(button) = button_of(button) else { continue };
-                    let in_volume = self.hands.holds_in_volume();
                     let asked = self.hands.released(button);
-                    if in_volume && asked.contains(&Request::Drop) {
-                        self.dropped_one = self.shown.figures().and_then(|figures| figures.held);
-                    }
                     self.ask_all(asked);
                 }
                 Event::PointerMoved(pos) => {

@@ -9,7 +9,6 @@ use ivd_frames::{Figures, MapName, Refused, Request, Saved};
 use crate::awaited::Awaited;
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
-use crate::gestures::go_to;
 use crate::handles::AWAY;
 use crate::window::Window;
 
@@ -106,12 +105,7 @@ impl Window {
                 // It can be read after the hand has let go.
                 None => self.word.iter_mut().for_each(|word| word.stays = false),
             }
-            let figures = &frame.figures;
-            let dropped = self.dropped_one.take_if(|_| figures.held.is_none());
-            // Seen from outside alone it would not be seen in any slice.
-            let there = figures.handles.iter().find(|one| dropped == Some(one.id)).map(go_to);
             self.shown.frame(frame, context);
-            self.ask_all(there.into_iter().flatten());
         }
         for problem in problems {
             self.awaited = Awaited::default();

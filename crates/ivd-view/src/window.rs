@@ -66,8 +66,6 @@ pub struct Window {
     pub(crate) photograph: Option<(PathBuf, u64)>,
     /// What is recorded, or was and isn't kept yet.
     pub(crate) recording: Option<Recording>,
-    /// A handle that was let go of in the volume: the slices go where it is once that is known.
-    pub(crate) dropped_one: Option<u32>,
     pub(crate) notes: Vec<String>,
     /// What is done until an answer comes, and since when.
     pub(crate) asked: Option<Waits>,
@@ -107,7 +105,6 @@ impl Window {
             bone_from: None,
             photograph: None,
             recording: None,
-            dropped_one: None,
             notes: Vec::new(),
             asked: None,
             word: None,

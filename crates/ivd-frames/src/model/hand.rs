@@ -187,6 +187,15 @@ impl Model {
         Ok(())
     }
 
+    /// The slices meet at what is held: seen from outside alone it would be seen in none of them.
+    pub(super) fn meet_at_held(&mut self) {
+        let held = self.drag.and_then(|drag| self.spots.iter().find(|spot| spot.id == drag.handle));
+        let Some(place) = held.map(|spot| spot.now) else { return };
+        let moved = self.panes.planes.meet(place, self.session.rest().grid());
+        self.touch(&moved);
+        self.moved_cross();
+    }
+
     /// What is let go of while the hand is ahead comes as close as a few tries bring it.
     pub(super) fn come_closest(&mut self) -> Result<(), Error> {
         // What was stopped stays where it is.

@@ -47,8 +47,9 @@ pub(super) fn of_subject(subject: &Subject) -> Looks {
 
 /// The transfer function that a subject is first drawn with.
 pub(crate) fn first_transfer(subject: &Subject) -> Result<Option<TransferFunction>, Error> {
+    let turned = subject.scene.window.as_ref().map_or(Turned::NONE, Turned::of_section);
     let transfer = subject.transfer.as_ref();
-    transfer.map(|transfer| coloured(transfer, &of_subject(subject), Turned::NONE)).transpose()
+    transfer.map(|transfer| coloured(transfer, &of_subject(subject), turned)).transpose()
 }
 
 /// The same for a scene: what is hidden needs no opacity there.

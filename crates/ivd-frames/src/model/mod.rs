@@ -17,6 +17,7 @@ mod spots;
 mod squeezed;
 mod stroke;
 mod told;
+mod window;
 
 use std::time::{Duration, Instant};
 
@@ -48,8 +49,8 @@ pub struct Model {
     transfer: Option<TransferFunction>,
     turned: Turned,
     looks: looks::Looks,
-    /// What was kept last: settings, and how classes look.
-    kept: (Settings, looks::Looks),
+    /// What was kept last.
+    kept: Kept,
     window: Window,
     overlay: Option<Overlay>,
     compared: Compared,
@@ -86,6 +87,9 @@ pub struct Model {
     stop: Cancel,
 }
 
+/// What a person would miss who hadn't kept it: settings, how classes look, and rulers where they are at rest.
+type Kept = (Settings, looks::Looks, Vec<Vec<[f64; 3]>>);
+
 /// A handle that is held.
 #[derive(Debug, Clone, Copy)]
 struct Drag {
@@ -113,8 +117,6 @@ impl Model {
         let panes = Panes::new(volume, transfer.as_ref(), &subject.picture, size, &exec)?;
         let lens = panes.lens(volume.grid())?;
         let window = Window::of(volume);
-        let extent = volume.grid().extent();
-        let side = (0..3).map(|a| extent[1][a] - extent[0][a]).fold(f64::INFINITY, f64::min);
         let session = Session::new(
             volume.clone(),
             subject.lattice.clone(),
@@ -123,21 +125,21 @@ impl Model {
             &exec,
         )?;
         session.deformed().find_bricks(&exec)?;
-        let largest = session.settings().handles.iter().map(|one| one.radius).fold(0.0, f64::max);
+        let said = subject.scene.window.clone().unwrap_or_default();
         let mut model = Self {
-            kept: (session.settings().clone(), looks.clone()),
+            kept: (session.settings().clone(), looks.clone(), Vec::new()),
             looks,
             session,
             panes,
             lens,
             transfer,
-            turned: Turned::NONE,
+            turned: Turned::of_section(&said),
             window,
             overlay: None,
             compared: Compared::default(),
             rest: None,
             first_window: window,
-            radius: if largest > 0.0 { largest } else { (0.15 * side).max(f64::MIN_POSITIVE) },
+            radius: 0.0,
             drag: None,
             adjusts: false,
             hovered: None,
@@ -157,6 +159,8 @@ impl Model {
             stop: Cancel::default(),
             subject,
         };
+        model.show_section(&said)?;
+        model.keep();
         model.find_spots()?;
         Ok(model)
     }
@@ -178,12 +182,13 @@ impl Model {
 
     /// What is shown is kept: until something changes nothing would be lost.
     pub(crate) fn keep(&mut self) {
-        self.kept = (self.session.settings().clone(), self.looks.clone());
+        self.kept = (self.session.settings().clone(), self.looks.clone(), self.rulers_at_rest());
     }
 
     /// Whether something would be lost.
     pub(crate) fn is_unsaved(&self) -> bool {
-        (self.session.settings(), &self.looks) != (&self.kept.0, &self.kept.1)
+        let (settings, looks, rulers) = &self.kept;
+        self.session.settings() != settings || self.looks != *looks || self.rulers_at_rest() != *rulers
     }
 
     /// Shows what was shown before there was a model.
@@ -301,6 +306,7 @@ impl Model {
                     self.refused = self.stopped_short();
                 }
                 self.hovered = None;
+                self.meet_at_held();
                 self.let_go()
             }
             Request::Abandon => {

@@ -72,10 +72,26 @@ impl Model {
     fn add_ruler(&mut self, ends: Vec<End>) -> Result<(), Error> {
         no_more_than(MOST_HANDLES, self.rulers.len())?;
         self.check_ends(&ends)?;
+        self.push_ruler(ends);
+        Ok(())
+    }
+
+    fn push_ruler(&mut self, ends: Vec<End>) {
         let id = self.next_ruler;
         self.next_ruler = id.wrapping_add(1);
         self.rulers.push(Places { id, ends });
-        Ok(())
+    }
+
+    /// Measures between places at rest.
+    pub(super) fn add_ruler_at_rest(&mut self, places: &[[f64; 3]]) {
+        let end = |&rest: &[f64; 3]| End { now: self.session.moved(rest), rest };
+        let ends = places.iter().map(end).collect();
+        self.push_ruler(ends);
+    }
+
+    /// The places at rest that are measured between.
+    pub(super) fn rulers_at_rest(&self) -> Vec<Vec<[f64; 3]>> {
+        self.rulers.iter().map(|one| one.ends.iter().map(|end| end.rest).collect()).collect()
     }
 
     /// A place that is shown, now and at rest.

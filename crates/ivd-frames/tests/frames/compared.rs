@@ -20,12 +20,18 @@ fn pictures(model: &Model) -> Vec<Image> {
     Pane::ALL.into_iter().flat_map(|pane| [draw(pane, 1), draw(pane, 3)]).collect()
 }
 
-/// A ball that is pulled at.
+/// A ball that is pulled at, with the slices in the middle.
 fn pulled() -> Model {
     let mut model = model(BALL);
+    let middle = model.figures().slices;
     follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
     follow(&mut model, &Request::Drag { to: [0.53, 0.46], lock: None });
-    assert_eq!(follow(&mut model, &Request::Drop).refused, None);
+    let dropped = follow(&mut model, &Request::Drop);
+    assert_eq!(dropped.refused, None);
+    for (was, is) in middle.iter().zip(&dropped.slices) {
+        let steps = was.slice as i32 - is.slice as i32;
+        follow(&mut model, &Request::Slice { pane: is.pane, steps });
+    }
     model
 }
 

@@ -39,6 +39,7 @@ fn what_is_held_goes_with_the_pointer_and_is_one_step() {
         assert!(model.session().deformed() != &rest);
         let dropped = follow(&mut model, &Request::Drop);
         assert_eq!((dropped.held, dropped.undo.as_deref()), (None, Some("drag a new handle")));
+        assert!(dropped.handles[0].off.iter().all(|off| off.abs() <= 0.5), "the slices meet there");
         // Taken hold of again, it goes on from where it is.
         let again = follow(&mut model, &Request::Grab { pane, at: after });
         assert_eq!((again.handles.len(), again.held), (1, Some(0)));

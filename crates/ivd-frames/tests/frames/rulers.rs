@@ -96,7 +96,11 @@ fn lines_over_slices_of_an_oblique_grid_have_their_lengths_and_angles() {
         follow(&mut model, &Request::Unmeasure { ruler: three.id });
     }
     let told = model.figures();
-    assert_eq!((told.undo, told.unsaved, told.rulers.len()), (None, false, 3), "it is no edit");
+    assert_eq!(
+        (told.undo, told.unsaved, told.rulers.len()),
+        (None, true, 3),
+        "it is no edit, and would be missed"
+    );
 }
 
 #[test]
@@ -189,11 +193,8 @@ fn what_is_deformed_is_told_with_its_length_at_rest() {
 }
 
 #[test]
-fn no_scene_keeps_a_ruler() {
+fn what_a_pipeline_makes_has_nothing_of_a_ruler() {
     let mut model = model(BALL);
-    let bare = model.save(ivd_frames::Saved::Scene, String::new(), &Exec::default()).unwrap();
     follow(&mut model, &Request::Measure { pane: Pane::Axial, from: [0.3; 2], to: [0.6; 2] });
-    let measured = model.save(ivd_frames::Saved::Scene, String::new(), &Exec::default()).unwrap();
-    assert_eq!(bare.bytes, measured.bytes);
     assert_as_piped(&model);
 }

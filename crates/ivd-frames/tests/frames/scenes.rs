@@ -5,7 +5,9 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use ivd_core::{Exec, Image, Value as _};
-use ivd_frames::{Entry, Error, Model, Pane, Request, Saved, SolverName, Subject, Tell, bare_scene};
+use ivd_frames::{
+    Entry, Error, Model, Overlay, Pane, Request, Saved, Shows, SolverName, Subject, Tell, bare_scene,
+};
 use ivd_pipeline::plan::Plan;
 use ivd_pipeline::{PipelineOptions, Runner, run_node, scene};
 
@@ -380,4 +382,52 @@ fn a_class_is_made_stiffer_in_one_step_and_the_scene_says_so() {
     }
     model.follow(&Request::Material { class, stiffness: -1.0 }).unwrap();
     assert!(model.figures().refused.is_some());
+}
+
+#[test]
+fn a_scene_keeps_what_windows_show() {
+    let exec = Exec::default();
+    let text = |model: &Model| {
+        String::from_utf8(model.save(Saved::Scene, String::new(), &exec).unwrap().bytes).unwrap()
+    };
+    let by_classes = BALL.replace("[lattice]\niso = 127.5\n", "[segment]\nk = 3\n");
+    let mut first = model(&by_classes.replace("mode = \"iso\"\niso = 127.5\n", ""));
+    assert!(!text(&first).contains("[window]"), "what nobody changed isn't said");
+    for request in [
+        Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] },
+        Request::Slice { pane: Pane::Axial, steps: 3 },
+        Request::Window { by: [0.1, 0.05] },
+        Request::Transfer { by: [0.05, 0.1] },
+        Request::Radius { handle: None, radius: 7.5 },
+        Request::Cut { along: Some(Pane::Sagittal) },
+        Request::Overlay { of: Some(Overlay::Motion) },
+        Request::Ruler {
+            ruler: None,
+            places: vec![[16.0, 26.5, 16.0], [16.0, 4.0, 16.0], [4.0, 16.0, 16.0]],
+        },
+        Request::Compare { shows: Shows::Both, at: 0.5 },
+    ] {
+        first.follow(&request).unwrap();
+    }
+    let was = first.figures();
+    assert!(was.unsaved && was.rulers.len() == 1);
+    let kept = text(&first);
+    let mut again = model(&kept);
+    let is = again.figures();
+    assert!(!is.unsaved, "it is as it was kept");
+    assert_eq!(
+        (is.cross, is.window, is.radius, is.cut, is.overlay, is.compare),
+        (was.cross, was.window, was.radius, was.cut, was.overlay, was.compare)
+    );
+    assert_eq!((is.rulers[0].rest_mm.clone(), is.rulers[0].mm.len()), (was.rulers[0].rest_mm.clone(), 2));
+    for (a, b) in is.rulers[0].now.iter().flatten().zip(was.rulers[0].now.iter().flatten()) {
+        assert!((a - b).abs() < 0.01, "{a} {b}: it goes with the body");
+    }
+    again.follow(&Request::Resize { size: [128, 128] }).unwrap();
+    for pane in Pane::ALL {
+        assert!(again.draw(pane, 1, &exec).unwrap() == first.draw(pane, 1, &exec).unwrap(), "{pane:?}");
+    }
+    assert_eq!(text(&again), kept);
+    again.follow(&Request::Unmeasure { ruler: 0 }).unwrap();
+    assert!(again.figures().unsaved, "a ruler that is gone would be missed, too");
 }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use ivd_core::Exec;
 use ivd_frames::{Log, Model, Pane, Request, Saved};
+use ivd_pipeline::scene::{self, WindowSection};
 use ivd_session::Entry;
 
 use super::common::{BALL, Draw, model};
@@ -89,9 +90,14 @@ fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Ve
         }
     }
     let log = String::from_utf8(hands.kept(Saved::Log).bytes.clone()).unwrap();
-    // A log doesn't say where it was seen from; a scene does.
+    // A log doesn't say how it was seen; a scene does.
     hands.ask(&Request::ResetView);
-    let scene = hands.kept(Saved::Scene).bytes.clone();
+    let unseen = |bytes: &[u8]| {
+        let mut scene = scene::parse(std::str::from_utf8(bytes).unwrap(), &[]).unwrap();
+        scene.set_window(WindowSection::default()).unwrap();
+        scene.to_text().unwrap()
+    };
+    let scene = unseen(&hands.kept(Saved::Scene).bytes);
     let log: Log = log.parse().unwrap();
     let steps = log.entries.iter().filter(|entry| matches!(entry, Entry::Step(_))).count();
     assert!(steps * 4 > done, "{steps} steps of {done} gestures");
@@ -99,7 +105,7 @@ fn work(seed: u64, gestures: usize, at_least: Duration, held_up: Duration) -> Ve
     let start = again.session().deformed().clone();
     again.replay(&log.entries).unwrap();
     assert_eq!(
-        again.save(Saved::Scene, String::new(), &Exec::default()).unwrap().bytes,
+        unseen(&again.save(Saved::Scene, String::new(), &Exec::default()).unwrap().bytes),
         scene,
         "seed {seed}"
     );

@@ -27,7 +27,10 @@ use crate::plan::{OF_FRAMES, PICTURES, SERIES};
 use crate::{Error, Section, ending};
 
 pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
-pub use sections::{InputSection, MeshSpace, OutputSection, Picture, RawSection};
+pub use sections::{
+    Body, InputSection, Inside, MeshSpace, OutputSection, Over, Picture, RawSection, RulerSection,
+    WindowSection,
+};
 pub(crate) use stage_sections::Written;
 use stage_sections::stage_sections;
 pub use written::triple;
@@ -47,6 +50,8 @@ pub struct Scene {
     pub input: InputSection,
     /// What is wanted; nothing else is computed.
     pub output: OutputSection,
+    /// What windows show.
+    pub window: Option<WindowSection>,
     /// Every section as it is written.
     #[schemars(skip)]
     pub(crate) written: Written,
@@ -132,6 +137,20 @@ impl Scene {
         }
     }
 
+    /// Says what windows show; nothing where that is what they show unasked.
+    ///
+    /// # Errors
+    /// What no window shows.
+    pub fn set_window(&mut self, window: WindowSection) -> Result<(), Error> {
+        window.check().map_err(|problem| Error::usage("scene", problem))?;
+        self.written.remove("window");
+        self.window = Some(window).filter(|window| *window != WindowSection::default());
+        if let Some(window) = &self.window {
+            self.written.insert("window".to_owned(), serde_json::json!(window));
+        }
+        Ok(())
+    }
+
     /// Asks for pictures, what becomes of the volume and its displacement; of a scene that moves nothing for no displacement, and of one
     /// that neither combines nor clips it either for a picture alone.
     pub fn set_output(&mut self, still: bool) {
@@ -176,6 +195,9 @@ impl Scene {
         }
         if let Some(file) = &self.input.file {
             check_beside("input.file", file).map_err(|problem| problem + ", or use --input")?;
+        }
+        if let Some(window) = &self.window {
+            window.check()?;
         }
         self.check_grid_of()?;
         self.check_start()?;

@@ -9,7 +9,7 @@ use super::Scene;
 use super::stage_sections::Written;
 use crate::list::STAGES;
 
-const OWN: [&str; 3] = ["schema", "input", "output"];
+const OWN: [&str; 4] = ["schema", "input", "output", "window"];
 static KEYS: LazyLock<Vec<&str>> =
     LazyLock::new(|| OWN.into_iter().chain(STAGES.iter().map(|stage| stage.name)).collect());
 
@@ -47,12 +47,13 @@ impl<'de> Deserialize<'de> for Scene {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Scene, A::Error> {
-                let (mut schema, mut input, mut output) = (None, None, None);
+                let (mut schema, mut input, mut output, mut window) = (None, None, None, None);
                 while let Some(Key(key)) = map.next_key()? {
                     match key {
                         "schema" => schema = Some(map.next_value()?),
                         "input" => input = Some(map.next_value()?),
                         "output" => output = Some(map.next_value()?),
+                        "window" => window = Some(map.next_value()?),
                         _ => {
                             map.next_value::<IgnoredAny>()?;
                         }
@@ -63,6 +64,7 @@ impl<'de> Deserialize<'de> for Scene {
                     schema: schema.ok_or_else(|| missing("schema"))?,
                     input: input.ok_or_else(|| missing("input"))?,
                     output: output.ok_or_else(|| missing("output"))?,
+                    window,
                     written: Written::new(),
                     sections: Vec::new(),
                 })

@@ -2,6 +2,8 @@
 
 mod input;
 mod output;
+mod window;
 
 pub use input::{InputSection, RawSection};
 pub use output::{MeshSpace, OutputSection, Picture};
+pub use window::{Body, Inside, Over, RulerSection, WindowSection};
