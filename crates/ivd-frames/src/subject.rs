@@ -21,6 +21,7 @@ use ivd_render::{
 use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
 
+use crate::bare::{above_background, leaves_part_open};
 use crate::model::first_transfer;
 use crate::preview::AtRest;
 use crate::{Error, Made, Tell};
@@ -102,29 +103,24 @@ impl Subject {
         }
         let asked = settings(&loaded.scene)?;
         let by_class = asked.knows_classes();
+        let mut done: BTreeMap<NodeId, StageResult> = BTreeMap::new();
         let mut cut = loaded.clone();
+        if is_bare && leaves_part_open(&cut.scene) {
+            cut.scene.output = OutputSection { images: vec![Picture::Before], ..OutputSection::default() };
+            run(&cut, &mut done, Runner { exec, cache, lazy: false }, tell)?;
+            let coloured = done.values().find_map(|result| TransferFunction::of(&result.artefact));
+            if let Some(above) = coloured.and_then(above_background) {
+                cut.scene.set(&ivd_boundary::STAGE, &[("above", Some(json!(above)))])?;
+            }
+        }
+        let mut scene = cut.scene.clone();
         cut.scene.output = OutputSection {
             images: vec![Picture::Before],
             lattice_extracted: Some("extracted.ply".into()),
             labels: by_class.then(|| "labels.nii.gz".into()),
             ..OutputSection::default()
         };
-        let plan = Plan::new(&cut, None, None)?;
-        let runner = Runner { exec, cache, lazy: false };
-        let mut done: BTreeMap<NodeId, StageResult> = BTreeMap::new();
-        for node in plan.nodes().iter().filter(|n| n.needed && n.id.stage != ivd_render::STAGE.name) {
-            tell.stage(node.id.stage);
-            let result = run_node(node, &done, runner, &PipelineOptions::default())?;
-            if let Some(remark) = &result.record.remark {
-                exec.observer().note(&format!("{}: {remark}", node.id.stage));
-            }
-            if node.id == NodeId::IMPORT
-                && let Some(volume) = Volume::of(&result.artefact)
-            {
-                tell.scan(volume, &loaded.scene.window.clone().unwrap_or_default());
-            }
-            done.insert(node.id, result);
-        }
+        run(&cut, &mut done, Runner { exec, cache, lazy: false }, tell)?;
         let volume: Volume = done
             .get(&NodeId::IMPORT)
             .and_then(|result| Volume::of(&result.artefact).cloned())
@@ -138,7 +134,6 @@ impl Subject {
         }
         let (lattice, labels, transfer) = found;
         let lattice = lattice.ok_or_else(|| missing("a lattice"))?;
-        let mut scene = loaded.scene.clone();
         let mut said = Vec::new();
         let vertices = lattice.keys().len();
         let refine = &ivd_lattice::refine::STAGE;
@@ -214,12 +209,45 @@ impl Subject {
     }
 }
 
+/// Does what a scene's lattice and colours need and isn't done yet.
+fn run(
+    loaded: &Loaded,
+    done: &mut BTreeMap<NodeId, StageResult>,
+    runner: Runner<'_>,
+    tell: &Tell,
+) -> Result<(), Error> {
+    let plan = Plan::new(loaded, None, None)?;
+    let needed = plan.nodes().iter().filter(|node| node.needed && node.id.stage != ivd_render::STAGE.name);
+    for node in needed {
+        if done.contains_key(&node.id) {
+            continue;
+        }
+        tell.stage(node.id.stage);
+        let result = run_node(node, done, runner, &PipelineOptions::default())?;
+        if let Some(remark) = &result.record.remark {
+            runner.exec.observer().note(&format!("{}: {remark}", node.id.stage));
+        }
+        if node.id == NodeId::IMPORT
+            && let Some(volume) = Volume::of(&result.artefact)
+        {
+            tell.scan(volume, &loaded.scene.window.clone().unwrap_or_default());
+        }
+        done.insert(node.id, result);
+    }
+    Ok(())
+}
+
 /// Which part of a scan was chosen, and where its surface lies.
 fn part_of(volume: &Volume, figures: &Json) -> Option<String> {
-    let (class, voxels) = (figures["class"].as_u64()?, figures["voxels"].as_f64()?);
+    let voxels = figures["voxels"].as_f64()?;
     let millilitres = voxels * volume.grid().spacing().iter().product::<f64>() / 1000.0;
+    let part = match (figures["class"].as_u64(), figures["lower"].as_f64()) {
+        (Some(class), _) => format!("class {class}"),
+        (None, Some(lower)) => format!("values above {lower:.4}"),
+        (None, None) => return None,
+    };
     Some(format!(
-        "the part: class {class}, {millilitres:.1} ml in one piece; its surface: where its values meet its neighbours'"
+        "the part: {part}, {millilitres:.1} ml in one piece; its surface: where its values meet its neighbours'"
     ))
 }
 

@@ -110,6 +110,9 @@ fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
     let made = &figures.made;
     let word = |part: Option<&str>| match (part, made.class) {
         (None, Some(class)) if made.part.is_none() => format!("found: class {class}"),
+        (None, None) if made.part.is_none() && made.iso.is_none() && made.between[0].is_some() => {
+            "found: all but the background".to_owned()
+        }
         (None, _) => "none said".to_owned(),
         (Some(rule @ ("densest" | "largest")), _) => format!("the {rule} class"),
         (Some(class), _) => format!("class {class}"),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use ivd_core::{Exec, Image, Value as _};
+use ivd_core::{Exec, Grid, Image, Value as _, Volume, Voxels};
 use ivd_frames::{
     Entry, Error, Model, Overlay, Pane, Request, Saved, Shows, SolverName, Subject, Tell, bare_scene,
 };
@@ -430,4 +430,43 @@ fn a_scene_keeps_what_windows_show() {
     assert_eq!(text(&again), kept);
     again.follow(&Request::Unmeasure { ruler: 0 }).unwrap();
     assert!(again.figures().unsaved, "a ruler that is gone would be missed, too");
+}
+
+#[test]
+fn the_body_of_a_bare_scan_is_all_that_is_drawn_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scan.nii.gz");
+    // A core in a thinner layer, with a speck beside: the largest class is the core.
+    let grid = Grid::with_spacing([40; 3], [1.0; 3]).unwrap();
+    let from = |at: [usize; 3], middle: [f64; 3]| {
+        (0..3).map(|a| (at[a] as f64 - middle[a]).powi(2)).sum::<f64>().sqrt()
+    };
+    let value = |i: usize| {
+        let at = grid.index(i).0;
+        let ball = |radius: f64, inside: f64| inside * (radius + 0.5 - from(at, [20.0; 3])).clamp(0.0, 1.0);
+        let speck = 100.0 * (2.5 - from(at, [3.0; 3])).clamp(0.0, 1.0);
+        (ball(15.0, 100.0) + ball(12.0, 120.0) + speck) as u8
+    };
+    let voxels: Vec<u8> = (0..grid.len()).map(value).collect();
+    let volume = Volume::new(grid.clone(), Voxels::from(voxels)).unwrap();
+    ivd_pipeline::export(&volume.into_artefact(), &file, &Exec::default()).unwrap();
+    let open = |words: &[&str]| {
+        let overrides: Vec<_> = words.iter().map(|word| word.parse().unwrap()).collect();
+        let loaded = bare_scene(&file, &overrides).unwrap();
+        let (cache, exec) = (ivd_artefact::Cache::disabled(), Exec::default());
+        Subject::open(&loaded, true, &cache, &exec, &Tell::default()).unwrap()
+    };
+    let farthest = |subject: &Subject, pick: fn(f64, f64) -> f64| {
+        let away = |v| (subject.lattice.world(v).0 - nalgebra::Vector3::repeat(20.0)).norm();
+        (0..subject.lattice.keys().len()).map(away).reduce(pick).unwrap()
+    };
+    let body = open(&["segment.k=3"]);
+    let [least, most] = [farthest(&body, f64::min), farthest(&body, f64::max)];
+    assert!(least > 14.0 && most < 16.0, "its surface lies {least} to {most} from the middle");
+    assert!(body.said[0].starts_with("the part: values above "), "{:?}", body.said);
+    let said = open(&["segment.k=3", "boundary.class=densest"]);
+    assert!(farthest(&said, f64::max) < 13.5, "what is said is taken");
+    // The scene that is kept says it.
+    let again = scene::parse(&body.scene_of(&body.settings).unwrap().to_text().unwrap(), &[]).unwrap();
+    assert_eq!(again.param(&ivd_boundary::STAGE, "above"), body.scene.param(&ivd_boundary::STAGE, "above"));
 }

@@ -1,0 +1,20 @@
+//! The body of a bare scan: all of it but the background, so that its surface is the skin that is drawn and what is moved within goes along. The stages' own
+//! choice is one class, which may be a layer of the body.
+
+use ivd_core::{ClassRole, TransferFunction};
+use ivd_pipeline::scene::Scene;
+
+/// Whether a scene leaves open which part of the scan is deformed.
+pub(crate) fn leaves_part_open(scene: &Scene) -> bool {
+    let written = |stage| scene.section(stage).and_then(|section| section.written());
+    let is_written = |stage| written(stage).is_some_and(|keys| !keys.is_empty());
+    !is_written(&ivd_boundary::STAGE) && !is_written(&ivd_lattice::extract::STAGE)
+}
+
+/// The value that the background lies below and every material above; `None` where values don't tell them apart.
+pub(crate) fn above_background(transfer: &TransferFunction) -> Option<f64> {
+    let of = |role| transfer.entries().iter().filter(move |entry| entry.role == role);
+    let top = of(ClassRole::Background).map(|entry| entry.upper).reduce(f64::max)?;
+    let bottom = of(ClassRole::Material).map(|entry| entry.lower).reduce(f64::min)?;
+    (bottom >= top && top.is_finite()).then_some(top)
+}
