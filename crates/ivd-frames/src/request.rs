@@ -35,7 +35,7 @@ impl Pane {
     }
 }
 
-/// An axis of the patient that a drag keeps to.
+/// What a drag keeps to: an axis of the patient, or the surface's own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
@@ -45,6 +45,8 @@ pub enum Axis {
     Y,
     /// Feet to head.
     Z,
+    /// Out of the surface and into it. Seen nearly end on, in follows the pointer up, and out follows it down.
+    N,
 }
 
 /// A way to carry a motion to the voxels.

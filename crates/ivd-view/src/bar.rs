@@ -37,7 +37,7 @@ pub(crate) fn item(ui: &mut Ui, is_there: bool, text: &str, keys: Option<&Keyboa
 }
 
 /// What can be done while a handle is held.
-const HELD: &str = "wheel: radius; X, Y, Z: along an axis; Esc: as before";
+const HELD: &str = "wheel: radius; X, Y, Z: along an axis; N: in and out; Esc: as before";
 
 impl Window {
     /// Shows the bar.

@@ -76,7 +76,7 @@ impl Window {
             self.ask(Request::Undo);
         }
         if self.hands.hold() {
-            for (key, axis) in [(Key::X, Axis::X), (Key::Y, Axis::Y), (Key::Z, Axis::Z)] {
+            for (key, axis) in [(Key::X, Axis::X), (Key::Y, Axis::Y), (Key::Z, Axis::Z), (Key::N, Axis::N)] {
                 // Not as often as a key that is held repeats.
                 let is_new = |event: &Event| matches!(event, Event::Key { key: it, pressed: true, repeat: false, .. } if *it == key);
                 let is_new = context.input(|input| input.events.iter().any(is_new));

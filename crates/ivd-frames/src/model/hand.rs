@@ -27,8 +27,12 @@ const TRIES: usize = 4;
 const AT_WORK: Duration = Duration::from_millis(200);
 /// ... and this once it is let go of. No try takes longer than that.
 const QUICK: Duration = Duration::from_secs(2);
-/// An axis that is seen this nearly end on can't be dragged along (squared sine).
+/// An axis that is seen this nearly end on can't be dragged along (squared sine); ...
 const END_ON: f64 = 0.01;
+/// ... of the surface's own in and out are up and down then, sooner.
+const FACING: f64 = 0.25;
+/// What of a handle's radius the surface's direction there is a mean over.
+const OUT: f64 = 0.5;
 
 impl Model {
     /// Where what is now at a place was at rest (mm, RAS); see [`ivd_field::place::at_rest`].
@@ -124,7 +128,10 @@ impl Model {
             self.radius = held.radius;
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
-        self.drag = Some(Drag { handle, from: at, by, across, wanted: by, share: 0.5 });
+        let lattice = self.session.lattice();
+        let out = held.and_then(|held| sheet::outwards(lattice, &held.at, OUT * held.radius));
+        let out = out.unwrap_or_default();
+        self.drag = Some(Drag { handle, from: at, by, across, out, wanted: by, share: 0.5 });
         Ok(())
     }
 
@@ -134,7 +141,13 @@ impl Model {
         let Some(mut drag) = self.drag else { return Ok(()) };
         let Across { right, down } = drag.across;
         let way = right * (to[0] - drag.from[0]) + down * (to[1] - drag.from[1]);
-        let way = lock.map_or(way, |axis| along(axis, way, right.cross(&down)));
+        let normal = right.cross(&down);
+        let way = match lock.map(of_patient) {
+            None => way,
+            Some(Some(axis)) => along(axis, way, normal, END_ON).unwrap_or_default(),
+            Some(None) => along(drag.out, way, normal, FACING)
+                .unwrap_or_else(|| drag.out * ((to[1] - drag.from[1]) * down.norm())),
+        };
         let wanted = drag.by + way;
         // Another place is another chance.
         if (wanted - drag.wanted).norm() > self.noticeable() {
@@ -207,17 +220,22 @@ impl Model {
     }
 }
 
-/// The way along an axis that looks most like a way across a pane, whose normal is given by its direction.
-fn along(axis: Axis, way: Vector3<f64>, normal: Vector3<f64>) -> Vector3<f64> {
-    let axis = match axis {
-        Axis::X => Vector3::x(),
-        Axis::Y => Vector3::y(),
-        Axis::Z => Vector3::z(),
-    };
+/// An axis of the patient; `None` for the surface's own.
+fn of_patient(axis: Axis) -> Option<Vector3<f64>> {
+    match axis {
+        Axis::X => Some(Vector3::x()),
+        Axis::Y => Some(Vector3::y()),
+        Axis::Z => Some(Vector3::z()),
+        Axis::N => None,
+    }
+}
+
+/// The way along an axis that looks most like a way across a pane, whose normal is given by its direction; `None` where the axis is seen end on.
+fn along(axis: Vector3<f64>, way: Vector3<f64>, normal: Vector3<f64>, end_on: f64) -> Option<Vector3<f64>> {
     let normal = normal.normalize();
     let seen = axis - normal * normal.dot(&axis);
     let length = seen.norm_squared();
-    if length < END_ON { Vector3::zeros() } else { axis * (way.dot(&seen) / length) }
+    (length >= end_on).then(|| axis * (way.dot(&seen) / length))
 }
 
 #[cfg(test)]
@@ -229,11 +247,11 @@ mod tests {
         let normal = Vector3::new(1.0, 2.0, 0.5).normalize();
         let across = Vector3::z().cross(&normal).normalize();
         let way = across * 3.0 + across.cross(&normal) * 2.0;
-        let locked = along(Axis::X, way, normal);
+        let locked = along(Vector3::x(), way, normal, END_ON).unwrap();
         assert_eq!((locked.y, locked.z), (0.0, 0.0));
         // What is left of the way is seen square to the axis.
         let seen = Vector3::x() - normal * normal.x;
         assert!((way - locked).dot(&seen).abs() < 1e-12);
-        assert_eq!(along(Axis::Y, Vector3::x(), Vector3::y()), Vector3::zeros(), "end on");
+        assert_eq!(along(Vector3::y(), Vector3::x(), Vector3::y(), END_ON), None, "end on");
     }
 }

@@ -20,6 +20,25 @@ pub(super) fn anchor(lattice: &Lattice, place: [f64; 3]) -> Anchor {
     }
 }
 
+/// The direction out of the surface about an anchor's vertex, as a mean over what of its sheet lies within a radius (mm); `None` where it has no side.
+pub(super) fn outwards(lattice: &Lattice, anchor: &Anchor, radius: f64) -> Option<Vector3<f64>> {
+    let vertex = find_picks(lattice, "handle", [anchor]).ok()?.first()?.vertex;
+    let at = lattice.local_positions();
+    let facing = |triangle: &[u32; 3]| facing(triangle.map(|v| at[v as usize]));
+    let triangles = lattice.triangles();
+    let own: Vector3<f64> =
+        triangles.iter().filter(|triangle| triangle.contains(&(vertex as u32))).map(facing).sum();
+    let is_near =
+        |triangle: &&[u32; 3]| triangle.iter().all(|v| (at[*v as usize] - at[vertex]).norm() <= radius);
+    let near = triangles.iter().filter(is_near).map(facing).filter(|facing| facing.dot(&own) > 0.0);
+    (own + near.sum::<Vector3<f64>>()).try_normalize(0.0)
+}
+
+/// Square to a triangle, out of the body, twice its area long.
+fn facing([a, b, c]: [Vector3<f64>; 3]) -> Vector3<f64> {
+    (b - a).cross(&(c - a))
+}
+
 fn nearest_and_meant(lattice: &Lattice, place: [f64; 3]) -> Option<[Pick; 2]> {
     let nearest = *find_picks(lattice, "handle", [&Anchor::NearestTo(place)]).ok()?.first()?;
     let vertex = vertex_of_sheet(lattice, place).unwrap_or(nearest.vertex);
@@ -41,10 +60,7 @@ fn vertex_of_sheet(lattice: &Lattice, place: [f64; 3]) -> Option<usize> {
     let nearer = |a: (f64, usize), b: (f64, usize)| if b < a { b } else { a };
     let all = (0..triangles.len()).into_par_iter().with_min_len(1024).map(|t| (away(t), t));
     let (_, nearest) = all.reduce_with(nearer)?;
-    let facing = |t: usize| {
-        let [a, b, c] = corners(t);
-        (b - a).cross(&(c - a))
-    };
+    let facing = |t: usize| facing(corners(t));
     let normal = facing(nearest);
     let is_beside = |t: &usize| triangles[*t].iter().any(|v| triangles[nearest].contains(v));
     let is_of_sheet = |t: &usize| is_beside(t) && (*t == nearest || facing(*t).dot(&normal) > 0.0);

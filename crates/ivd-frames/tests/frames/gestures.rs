@@ -62,6 +62,37 @@ fn a_lock_keeps_the_motion_to_an_axis_of_the_patient() {
 }
 
 #[test]
+fn a_press_from_in_front_goes_in_and_beside_it_the_same_key_follows_the_pointer() {
+    let mut model = model(BALL);
+    follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    let locked = |to| Request::Drag { to, lock: Some(Axis::N) };
+    let pressed = follow(&mut model, &locked([0.5, 0.45]));
+    let handle = &pressed.handles[0];
+    let (by, out) = (Vector3::from(handle.by.unwrap()), Vector3::from(handle.rest) - Vector3::repeat(16.0));
+    assert!(by.norm() > 1.0 && by.dot(&out) < -0.98 * by.norm() * out.norm(), "in: {by:?} of {out:?}");
+    // As far as the pointer has gone over the picture.
+    assert!(
+        (by.norm() / (0.05 * pressed.width_mm) - 1.0).abs() < 1e-6,
+        "{} of {}",
+        by.norm(),
+        pressed.width_mm
+    );
+    let pulled = Vector3::from(follow(&mut model, &locked([0.5, 0.53])).handles[0].by.unwrap());
+    assert!(pulled.dot(&out) > 0.98 * pulled.norm() * out.norm(), "out: {pulled:?}");
+    follow(&mut model, &Request::Abandon);
+    // In a slice the way out is seen from its side.
+    let grabbed = follow(&mut model, &Request::Grab { pane: Pane::Axial, at: [0.5, 0.13] });
+    let before = grabbed.handles[0].at[1].unwrap();
+    let slid = follow(&mut model, &locked([0.53, 0.1]));
+    let (by, out) = (
+        Vector3::from(slid.handles[0].by.unwrap()),
+        Vector3::from(slid.handles[0].rest) - Vector3::repeat(16.0),
+    );
+    assert!(by.dot(&out) > 0.97 * by.norm() * out.norm(), "{by:?} of {out:?}");
+    assert!(slid.handles[0].at[1].unwrap()[1] < before[1] - 0.02);
+}
+
+#[test]
 fn what_is_held_goes_as_far_as_it_can_and_how_far_the_hand_is_ahead_is_told() {
     let mut model = model(BALL);
     follow(&mut model, &Request::Radius { handle: None, radius: 4.0 });

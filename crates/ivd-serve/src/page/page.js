@@ -516,7 +516,7 @@ addEventListener("keydown", (event) => {
     return;
   }
   if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-  if (press?.does === "handle" && "xyz".includes(key)) {
+  if (press?.does === "handle" && "xyzn".includes(key)) {
     if (event.repeat) return;
     lock = lock === key ? null : key;
     if (press.at[0] === press.first[0] && press.at[1] === press.first[1]) return;
