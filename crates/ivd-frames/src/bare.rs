@@ -1,8 +1,14 @@
 //! The body of a bare scan: all of it but the background, so that its surface is the skin that is drawn and what is moved within goes along. The stages' own
 //! choice is one class, which may be a layer of the body.
 
+use ivd_core::op::Stage;
 use ivd_core::{ClassRole, TransferFunction};
 use ivd_pipeline::scene::Scene;
+
+/// Whether a scene says something under a stage's key.
+pub(crate) fn says(scene: &Scene, stage: &Stage, key: &str) -> bool {
+    scene.section(stage).and_then(|section| section.written()).is_some_and(|keys| keys.contains_key(key))
+}
 
 /// Whether a scene leaves open which part of the scan is deformed.
 pub(crate) fn leaves_part_open(scene: &Scene) -> bool {

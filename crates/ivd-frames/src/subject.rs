@@ -21,7 +21,7 @@ use ivd_render::{
 use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
 use serde_json::{Value as Json, json};
 
-use crate::bare::{above_background, leaves_part_open};
+use crate::bare::{above_background, leaves_part_open, says};
 use crate::model::first_transfer;
 use crate::preview::AtRest;
 use crate::{Error, Made, Tell};
@@ -137,12 +137,12 @@ impl Subject {
         let mut said = Vec::new();
         let vertices = lattice.keys().len();
         let refine = &ivd_lattice::refine::STAGE;
-        if is_bare && scene.param(refine, "level").is_none() {
+        if is_bare && !says(&scene, refine, "level") {
             let level = (vertices as f64 / MANY_VERTICES as f64).log(4.0).ceil().max(0.0) as u64;
             scene.set(refine, &[("level", Some(json!(level)))])?;
             said.push(format!("level {level}, for {vertices} vertices as cut"));
         }
-        if is_bare && scene.param(&ivd_map::STAGE, "method").is_none() {
+        if is_bare && !says(&scene, &ivd_map::STAGE, "method") {
             // Hands press anywhere, on thin walls as well, where what lies nearest can't follow far.
             scene.set(&ivd_map::STAGE, &[("method", Some(json!("biharmonic")))])?;
             said.push("voxels follow smoothest".to_owned());

@@ -10,6 +10,7 @@ use ivd_frames::{
 };
 use ivd_pipeline::plan::Plan;
 use ivd_pipeline::{PipelineOptions, Runner, run_node, scene};
+use ivd_session::MapChoice;
 
 use super::common::{BALL, loaded, model};
 use super::scripts::assert_as_piped;
@@ -157,7 +158,7 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
             .unwrap();
     assert_eq!(&subject.volume, ball.session().rest());
     assert_eq!((subject.settings.level, subject.said.len()), (0, 3));
-    assert!(matches!(subject.settings.map, ivd_session::MapChoice::Biharmonic(_)));
+    assert!(matches!(subject.settings.map, MapChoice::Biharmonic(_)));
     assert!(subject.transfer.is_some());
     let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
     let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
@@ -466,6 +467,9 @@ fn the_body_of_a_bare_scan_is_all_that_is_drawn_of_it() {
     assert!(body.said[0].starts_with("the part: values above "), "{:?}", body.said);
     let said = open(&["segment.k=3", "boundary.class=densest"]);
     assert!(farthest(&said, f64::max) < 13.5, "what is said is taken");
+    let maps =
+        [&body, &open(&["segment.k=3", "map.method=octree"])].map(|subject| subject.settings.map.clone());
+    assert!(matches!(maps, [MapChoice::Biharmonic(_), MapChoice::Octree(_)]), "{maps:?}");
     // The scene that is kept says it.
     let again = scene::parse(&body.scene_of(&body.settings).unwrap().to_text().unwrap(), &[]).unwrap();
     assert_eq!(again.param(&ivd_boundary::STAGE, "above"), body.scene.param(&ivd_boundary::STAGE, "above"));
