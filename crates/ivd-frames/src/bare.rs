@@ -1,5 +1,5 @@
-//! The body of a bare scan: all of it but the background, so that its surface is the skin that is drawn and what is moved within goes along. The stages' own
-//! choice is one class, which may be a layer of the body.
+//! The body of a bare scan: all of it but the background, so that its surface is the skin that is drawn. The stages' own choice is one class, which may be no
+//! more than a layer of the body; it stays where values don't tell the background from the rest.
 
 use ivd_core::op::Stage;
 use ivd_core::{ClassRole, TransferFunction};
@@ -12,12 +12,12 @@ pub(crate) fn says(scene: &Scene, stage: &Stage, key: &str) -> bool {
 
 /// Whether a scene leaves open which part of the scan is deformed.
 pub(crate) fn leaves_part_open(scene: &Scene) -> bool {
-    let written = |stage| scene.section(stage).and_then(|section| section.written());
-    let is_written = |stage| written(stage).is_some_and(|keys| !keys.is_empty());
-    !is_written(&ivd_boundary::STAGE) && !is_written(&ivd_lattice::extract::STAGE)
+    let is_chosen =
+        ["method", "class", "seed", "above"].iter().any(|key| says(scene, &ivd_boundary::STAGE, key));
+    !is_chosen && !says(scene, &ivd_lattice::extract::STAGE, "iso")
 }
 
-/// The value that the background lies below and every material above; `None` where values don't tell them apart.
+/// The value from which on there is no background, and below which no material; `None` where values don't tell them apart.
 pub(crate) fn above_background(transfer: &TransferFunction) -> Option<f64> {
     let of = |role| transfer.entries().iter().filter(move |entry| entry.role == role);
     let top = of(ClassRole::Background).map(|entry| entry.upper).reduce(f64::max)?;

@@ -13,13 +13,21 @@ pub struct Made {
     pub part: Option<String>,
     /// The class that its part was found in.
     pub class: Option<u16>,
-    /// Values that this class lies between; nothing where it is open there.
+    /// Whether its part is all of a bare scan but the background, as nobody said otherwise.
+    pub is_body: bool,
+    /// Values that its part lies between; nothing where it is open there.
     pub between: [Option<f64>; 2],
 }
 
 impl Made {
+    /// Whether its part is all from a value on, which a scene says or which was chosen here.
+    pub fn is_above(&self) -> bool {
+        self.class.is_none() && self.iso.is_none() && self.between[0].is_some()
+    }
+
     /// - `part`: figures of the stage that isolates the part, where one was.
-    pub(crate) fn of(scene: &Scene, part: Option<&Json>) -> Self {
+    /// - `is_body`: whether it was chosen here that its part is all but the background.
+    pub(crate) fn of(scene: &Scene, part: Option<&Json>, is_body: bool) -> Self {
         let number = |key: &str| part.and_then(|figures| figures[key].as_f64());
         Self {
             iso: scene.param(&ivd_lattice::extract::STAGE, "iso").and_then(|iso| iso.as_f64()),
@@ -28,6 +36,7 @@ impl Made {
                 number => number.to_string(),
             }),
             class: number("class").map(|class| class as u16),
+            is_body,
             between: [number("lower"), number("upper")],
         }
     }

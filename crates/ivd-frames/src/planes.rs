@@ -61,10 +61,10 @@ impl Planes {
         before.iter().zip(after).filter(|(a, b)| **a != *b).map(|(_, b)| b.0).collect()
     }
 
-    /// Where they meet (mm, RAS), to a millionth.
+    /// The middle of the voxel that they meet in (mm, RAS).
     pub(crate) fn place(&self, grid: &Grid) -> [f64; 3] {
-        let World(place) = grid.world(VoxelCoord(self.cross.into()));
-        place.map(|c| (1e6 * c).round() / 1e6).into()
+        let World(place) = grid.world(VoxelCoord(self.cross.map(f64::round).into()));
+        place.into()
     }
 
     /// The place that a slice shows at a share of its pane (mm, RAS); `None` beside the volume, and in the volume's own pane.

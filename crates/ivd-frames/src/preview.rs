@@ -90,6 +90,8 @@ pub(crate) struct Preview {
     /// What is to be seen, where somebody has said it.
     sight: Option<Sight>,
     turned: Option<Turned>,
+    /// Whether its scene says how the volume's colours are shifted.
+    says_colours: bool,
     exec: Exec,
 }
 
@@ -113,6 +115,7 @@ impl Preview {
             size: None,
             sight: None,
             turned: None,
+            says_colours: said.colours.is_some(),
             exec,
         }
     }
@@ -136,10 +139,9 @@ impl Preview {
         match request {
             Request::Slice { pane, .. } => *pane != Pane::Volume,
             Request::Cross { pane, .. } | Request::Hover { pane, .. } => sees(pane),
-            Request::Window { .. }
-            | Request::ResetColours
-            | Request::Resize { .. }
-            | Request::Show { .. } => true,
+            Request::Window { .. } | Request::Resize { .. } | Request::Show { .. } => true,
+            // What a scene says of the volume's is reset once that can be.
+            Request::ResetColours => !self.says_colours,
             request => self.turned.is_some() && request.turns_camera(),
         }
     }

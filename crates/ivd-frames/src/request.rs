@@ -45,7 +45,7 @@ pub enum Axis {
     Y,
     /// Feet to head.
     Z,
-    /// Out of the surface and into it. Seen nearly end on, in follows the pointer up, and out follows it down.
+    /// Out of the surface and into it, as it lies at rest. Where it is seen from in front, up presses in and down pulls out.
     N,
 }
 

@@ -213,7 +213,10 @@ fn let_go(client: Client, request: Request, later: &mut Later) {
         None => {}
         Some(held) if request == Request::Abandon => {
             let rest = later.split_off(held);
-            later.extend(rest.into_iter().filter(|(who, _)| *who != client));
+            let stays = |(who, request): &(Client, Request)| {
+                *who != client || matches!(request, Request::Save { .. })
+            };
+            later.extend(rest.into_iter().filter(stays));
         }
         Some(_) => _ = wait(later, client, request),
     }

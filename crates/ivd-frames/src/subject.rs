@@ -104,13 +104,14 @@ impl Subject {
         let asked = settings(&loaded.scene)?;
         let by_class = asked.knows_classes();
         let mut done: BTreeMap<NodeId, StageResult> = BTreeMap::new();
-        let mut cut = loaded.clone();
+        let (mut cut, mut is_body) = (loaded.clone(), false);
         if is_bare && leaves_part_open(&cut.scene) {
             cut.scene.output = OutputSection { images: vec![Picture::Before], ..OutputSection::default() };
             run(&cut, &mut done, Runner { exec, cache, lazy: false }, tell)?;
             let coloured = done.values().find_map(|result| TransferFunction::of(&result.artefact));
             if let Some(above) = coloured.and_then(above_background) {
                 cut.scene.set(&ivd_boundary::STAGE, &[("above", Some(json!(above)))])?;
+                is_body = true;
             }
         }
         let mut scene = cut.scene.clone();
@@ -167,7 +168,7 @@ impl Subject {
         };
         let is_plain = asks("ao") || asks("shadow");
         let subject = Self {
-            made: Made::of(&scene, part.as_ref()),
+            made: Made::of(&scene, part.as_ref(), is_body),
             scene,
             volume,
             lattice,
@@ -243,7 +244,8 @@ fn part_of(volume: &Volume, figures: &Json) -> Option<String> {
     let millilitres = voxels * volume.grid().spacing().iter().product::<f64>() / 1000.0;
     let part = match (figures["class"].as_u64(), figures["lower"].as_f64()) {
         (Some(class), _) => format!("class {class}"),
-        (None, Some(lower)) => format!("values above {lower:.4}"),
+        // As many digits as tell values apart.
+        (None, Some(lower)) => format!("values of {} and more", lower as f32),
         (None, None) => return None,
     };
     Some(format!(

@@ -106,11 +106,11 @@ impl Seen {
         // They go with the body, which may have moved otherwise: at rest they are where they were.
         let ruler = |ruler: &Ruler| Request::Ruler { ruler: None, places: ruler.rest.clone() };
         let mut rulers: Vec<Request> = figures.rulers.iter().map(ruler).collect();
+        let at = figures.compare.at;
         if !rulers.is_empty() {
-            let at = figures.compare.at;
             rulers.insert(0, Request::Compare { shows: Shows::Rest, at });
-            rulers.push(Request::Compare { shows: Shows::Now, at });
         }
+        rulers.push(Request::Compare { shows: figures.compare.shows, at });
         Self {
             sight: Some(figures.sight()),
             classes: figures.classes.clone(),

@@ -2,6 +2,7 @@
 
 use egui::{CollapsingHeader, ComboBox, TextEdit, Ui};
 use ivd_frames::{Figures, Made, Source};
+use ivd_pipeline::scene::Override;
 
 use crate::again::Making;
 use crate::window::Window;
@@ -34,9 +35,15 @@ impl Wish {
             if now == was {
                 continue;
             }
-            source.overrides.retain(|one| one.path.join(".") != key);
+            let is_part = key == "boundary.class";
+            let path = |one: &Override| one.path.join(".");
+            source.overrides.retain(|one| path(one) != key && !(is_part && path(one) == "boundary.above"));
             if let Some(value) = now.map(|value| value.trim()).filter(|value| !value.is_empty()) {
                 source.overrides.push(format!("{key}={value}").parse()?);
+                // A scene that says from which value on it is all isn't asked for a class as well.
+                if is_part && made.is_above() && !made.is_body {
+                    source.overrides.push("boundary.above=".parse()?);
+                }
             }
         }
         Ok(source)
@@ -110,8 +117,9 @@ fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
     let made = &figures.made;
     let word = |part: Option<&str>| match (part, made.class) {
         (None, Some(class)) if made.part.is_none() => format!("found: class {class}"),
-        (None, None) if made.part.is_none() && made.iso.is_none() && made.between[0].is_some() => {
-            "found: all but the background".to_owned()
+        (None, None) if made.is_body => "found: all but the background".to_owned(),
+        (None, None) if made.is_above() => {
+            format!("values of {} and more", made.between[0].unwrap_or_default() as f32)
         }
         (None, _) => "none said".to_owned(),
         (Some(rule @ ("densest" | "largest")), _) => format!("the {rule} class"),
@@ -146,5 +154,13 @@ mod tests {
         assert_eq!(said(&Wish { iso: " 60.5 ".to_owned(), ..is.clone() }), ["lattice.iso=60.5"]);
         let part = Wish { iso: String::new(), part: Some("3".to_owned()) };
         assert_eq!(said(&part), ["boundary.class=3"]);
+        let above = Made { between: [Some(61.5), None], ..Made::default() };
+        let taken_out = part.source(&above, &Source::default()).unwrap().overrides;
+        assert_eq!(
+            taken_out.iter().map(|one| one.path.join(".")).collect::<Vec<_>>(),
+            ["boundary.class", "boundary.above"]
+        );
+        let found = Made { is_body: true, ..above };
+        assert_eq!(part.source(&found, &Source::default()).unwrap().overrides.len(), 1);
     }
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use egui::Context;
 use ivd_core::Cancel;
 use ivd_frames::{
-    Begun, Client, Entry, Error, Model, Opened, Request, Saved, Service, Source, Subject, Tell,
+    Begun, Client, Entry, Error, Model, Opened, Request, Saved, Service, Source, Subject, TOO_MUCH, Tell,
 };
 use ivd_pipeline::scene::Override;
 
@@ -117,8 +117,7 @@ impl Work {
     pub(crate) fn ask(&self, request: Request) -> u64 {
         let Some(service) = &self.service else { return 0 };
         if !service.ask(HERE, request) {
-            let problem = "too much at once: wait for what was asked before".to_owned();
-            self.shared.locked().problems.push_back(problem);
+            self.shared.locked().problems.push_back(TOO_MUCH.to_owned());
         }
         service.asked()
     }
@@ -126,7 +125,10 @@ impl Work {
     /// Asks for the log, to make the same again.
     pub(crate) fn ask_for_log(&self) {
         if let Some(service) = &self.service {
-            service.ask(AGAIN, Request::Save { what: Saved::Log });
+            let is_asked = service.ask(AGAIN, Request::Save { what: Saved::Log });
+            if !is_asked {
+                self.shared.locked().done_before = Some(Err(TOO_MUCH.to_owned()));
+            }
         }
     }
 

@@ -27,10 +27,12 @@ const TRIES: usize = 4;
 const AT_WORK: Duration = Duration::from_millis(200);
 /// ... and this once it is let go of. No try takes longer than that.
 const QUICK: Duration = Duration::from_secs(2);
-/// An axis that is seen this nearly end on can't be dragged along (squared sine); ...
+/// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
-/// ... of the surface's own in and out are up and down then, sooner.
-const FACING: f64 = 0.25;
+/// A surface that is seen this nearly from in front is pressed in by a way up, and pulled out by one down (squared sine); ...
+const FACING: f64 = 0.07;
+/// ... elsewhere it goes with the hand, and so many times as far at most.
+const LONGER: f64 = 2.0;
 /// What of a handle's radius the surface's direction there is a mean over.
 const OUT: f64 = 0.5;
 
@@ -128,10 +130,8 @@ impl Model {
             self.radius = held.radius;
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
-        let lattice = self.session.lattice();
-        let out = held.and_then(|held| sheet::outwards(lattice, &held.at, OUT * held.radius));
-        let out = out.unwrap_or_default();
-        self.drag = Some(Drag { handle, from: at, by, across, out, wanted: by, share: 0.5 });
+        let is_new = taken.is_none();
+        self.drag = Some(Drag { handle, from: at, by, across, is_new, wanted: by, share: 0.5 });
         Ok(())
     }
 
@@ -145,8 +145,18 @@ impl Model {
         let way = match lock.map(of_patient) {
             None => way,
             Some(Some(axis)) => along(axis, way, normal, END_ON).unwrap_or_default(),
-            Some(None) => along(drag.out, way, normal, FACING)
-                .unwrap_or_else(|| drag.out * ((to[1] - drag.from[1]) * down.norm())),
+            Some(None) => {
+                let held = self.held();
+                let out = held.and_then(|(_, held, _)| {
+                    sheet::outwards(self.session.lattice(), &held.at, OUT * held.radius)
+                });
+                let Some(out) = out else {
+                    self.refused =
+                        Some(self.refusal("the surface has no side there: it has no in and out".to_owned()));
+                    return Ok(());
+                };
+                in_and_out(out, way, normal).unwrap_or_else(|| out * ((to[1] - drag.from[1]) * down.norm()))
+            }
         };
         let wanted = drag.by + way;
         // Another place is another chance.
@@ -200,9 +210,10 @@ impl Model {
         Ok(())
     }
 
-    /// The slices meet at what is held: seen from outside alone it would be seen in none of them.
+    /// The slices meet at what is held and was moved: seen from outside alone it would be seen in none of them.
     pub(super) fn meet_at_held(&mut self) {
-        let held = self.drag.and_then(|drag| self.spots.iter().find(|spot| spot.id == drag.handle));
+        let moved = self.drag.filter(|drag| drag.is_new || drag.wanted != drag.by);
+        let held = moved.and_then(|drag| self.spots.iter().find(|spot| spot.id == drag.handle));
         let Some(place) = held.map(|spot| spot.now) else { return };
         let moved = self.panes.planes.meet(place, self.session.rest().grid());
         self.touch(&moved);
@@ -228,6 +239,16 @@ fn of_patient(axis: Axis) -> Option<Vector3<f64>> {
         Axis::Z => Some(Vector3::z()),
         Axis::N => None,
     }
+}
+
+/// The way in or out of a surface that looks most like a way across a pane, not much longer than that; `None` where the pane shows the surface from in front.
+fn in_and_out(out: Vector3<f64>, way: Vector3<f64>, normal: Vector3<f64>) -> Option<Vector3<f64>> {
+    let along = along(out, way, normal, FACING)?;
+    Some(if along.norm() > LONGER * way.norm() {
+        along * (LONGER * way.norm() / along.norm())
+    } else {
+        along
+    })
 }
 
 /// The way along an axis that looks most like a way across a pane, whose normal is given by its direction; `None` where the axis is seen end on.

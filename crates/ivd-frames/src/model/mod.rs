@@ -98,8 +98,8 @@ struct Drag {
     /// How far it was moved then.
     by: Vector3<f64>,
     across: Across,
-    /// Out of the surface, of length 1; 0 where it has no side.
-    out: Vector3<f64>,
+    /// Whether it was made to be held.
+    is_new: bool,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
     /// Where that is refused, the share of the way there that is tried next; 0: none is, as it was stopped.

@@ -62,6 +62,8 @@ impl Model {
             }
         }
         self.touch(&Pane::ALL);
+        self.carry_rulers();
+        self.clip_rest()?;
         self.find_spots()?;
         self.missed = missed;
         if self.missed.is_empty() {

@@ -20,7 +20,8 @@ pub(super) fn anchor(lattice: &Lattice, place: [f64; 3]) -> Anchor {
     }
 }
 
-/// The direction out of the surface about an anchor's vertex, as a mean over what of its sheet lies within a radius (mm); `None` where it has no side.
+/// The direction out of the surface at rest about an anchor's vertex: a mean over the triangles within a radius (mm) that face as those at the vertex do; `None` where
+/// it has no side.
 pub(super) fn outwards(lattice: &Lattice, anchor: &Anchor, radius: f64) -> Option<Vector3<f64>> {
     let vertex = find_picks(lattice, "handle", [anchor]).ok()?.first()?.vertex;
     let at = lattice.local_positions();

@@ -39,7 +39,7 @@ impl Model {
             self.add_ruler_at_rest(places);
         }
         let shows = said.shows.and_then(same).unwrap_or_default();
-        self.compare(Compared { shows, ..self.compared })
+        self.compare(Compared { shows, at: said.line.unwrap_or(self.compared.at) })
     }
 
     /// The same of what is shown now.
@@ -53,6 +53,8 @@ impl Model {
             radius: Some(self.radius).filter(|radius| *radius != self.first_radius()),
             colours: self.turned.said(),
             inside: self.panes.cut.and_then(same),
+            line: Some(self.compared.at)
+                .filter(|at| self.compared.shows == Shows::Both && *at != Compared::default().at),
             shows: Some(self.compared.shows).filter(|shows| *shows != Shows::Now).and_then(same),
             over: self.overlay.and_then(same),
             ruler: ruler.collect(),

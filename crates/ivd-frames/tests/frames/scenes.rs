@@ -406,7 +406,7 @@ fn a_scene_keeps_what_windows_show() {
             ruler: None,
             places: vec![[16.0, 26.5, 16.0], [16.0, 4.0, 16.0], [4.0, 16.0, 16.0]],
         },
-        Request::Compare { shows: Shows::Both, at: 0.5 },
+        Request::Compare { shows: Shows::Both, at: 0.3 },
     ] {
         first.follow(&request).unwrap();
     }
@@ -429,6 +429,15 @@ fn a_scene_keeps_what_windows_show() {
         assert!(again.draw(pane, 1, &exec).unwrap() == first.draw(pane, 1, &exec).unwrap(), "{pane:?}");
     }
     assert_eq!(text(&again), kept);
+    // A log that goes on from it takes the rulers along.
+    let entries = Arc::<Mutex<Vec<Entry>>>::default();
+    let keeps = entries.clone();
+    again.session_mut().record(move |entry| keeps.lock().unwrap().push(entry.clone()));
+    again.follow(&Request::Move { handle: 0, by: [0.0, -2.5, 0.0] }).unwrap();
+    let mut replayed = model(&kept);
+    replayed.replay(&entries.lock().unwrap()).unwrap();
+    assert_ne!(again.figures().rulers[0].now, is.rulers[0].now);
+    assert_eq!(replayed.figures().rulers[0].now, again.figures().rulers[0].now);
     again.follow(&Request::Unmeasure { ruler: 0 }).unwrap();
     assert!(again.figures().unsaved, "a ruler that is gone would be missed, too");
 }
@@ -464,7 +473,7 @@ fn the_body_of_a_bare_scan_is_all_that_is_drawn_of_it() {
     let body = open(&["segment.k=3"]);
     let [least, most] = [farthest(&body, f64::min), farthest(&body, f64::max)];
     assert!(least > 14.0 && most < 16.0, "its surface lies {least} to {most} from the middle");
-    assert!(body.said[0].starts_with("the part: values above "), "{:?}", body.said);
+    assert!(body.said[0].starts_with("the part: values of "), "{:?}", body.said);
     let said = open(&["segment.k=3", "boundary.class=densest"]);
     assert!(farthest(&said, f64::max) < 13.5, "what is said is taken");
     let maps =

@@ -379,3 +379,25 @@ fn what_is_stopped_comes_to_nothing_and_what_is_asked_next_is_done() {
     let service = stops.service.lock().unwrap().take();
     drop(service);
 }
+
+#[test]
+fn a_file_that_is_asked_for_while_something_is_opened_comes_whatever_is_given_up() {
+    let (sender, outputs) = channel();
+    let (opens, opened) = channel::<()>();
+    let open = move |_: &Tell| {
+        let _ = opened.recv();
+        Ok(model(BALL))
+    };
+    let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    service.ask(1, Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    service.ask(1, Request::Save { what: Saved::Scene });
+    service.ask(1, Request::Abandon);
+    opens.send(()).unwrap();
+    loop {
+        match outputs.recv_timeout(LONG).unwrap() {
+            Output::File(1, file) => break assert_eq!(file.unwrap().name, "scene.toml"),
+            Output::Frame(frame) => assert!(frame.figures.held.is_none(), "it was given up"),
+            _ => {}
+        }
+    }
+}

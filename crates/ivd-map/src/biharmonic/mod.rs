@@ -52,6 +52,7 @@ mod multigrid;
 mod nodes;
 mod step;
 mod system;
+mod tension;
 
 use std::ops::Deref;
 
@@ -89,8 +90,6 @@ const SMALLEST: f64 = 1.0 / 16.0;
 const ONE_WAY: f64 = 0.95;
 /// How far a voxel may move, relative to the largest motion of what is followed.
 const OVERSHOOT: f64 = 1.02;
-/// Weights of a membrane's energy beside the bending, in units of their diagonals.
-const TENSIONS: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
 /// Layer round a part that moves alone in which its motion continues (voxels): one for the corners of the cells at its
 /// surface, one so that repair doesn't reach the layer's end.
 const LAYER: usize = 2;
@@ -105,6 +104,8 @@ pub struct Biharmonic<L> {
     /// Whether each of them is to be followed.
     constrains: Vec<bool>,
     last: Option<Last>,
+    /// Whether equations under tension are kept, too: a drag asks for them again.
+    keeps: bool,
 }
 
 /// The equations of a region and their last solution.
@@ -113,6 +114,8 @@ struct Last {
     edge: Option<u8>,
     system: System,
     nodes: Vec<Triple>,
+    /// The same equations under the first tensions.
+    tense: Vec<System>,
 }
 
 /// A frame to be mapped.
@@ -144,7 +147,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let inside = (outside == Outside::Free).then(|| ivd_octree::inside(&lattice, exec)).transpose()?;
         let voxels = (0..lattice.keys().len()).map(|i| lattice.voxel(i).0).collect();
         let positions = lattice.local_positions();
-        Ok(Self { lattice, voxels, positions, inside, constrains: Vec::new(), last: None })
+        Ok(Self { lattice, voxels, positions, inside, constrains: Vec::new(), last: None, keeps: false })
     }
 
     /// Maps frame `frame` of a motion of the lattice.
@@ -181,6 +184,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         if let Some(last) = &mut self.last {
             last.nodes.fill(Triple::default());
         }
+        self.keeps = true;
         self.with_frame(motion, frame, params, exec, |settle, made, exec| {
             let mut moved = settle.moved(made.field, exec)?;
             moved.relaxations += made.repairs;
@@ -291,7 +295,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 });
                 let nodes = nodes.map(Option::unwrap_or_default).collect();
                 let system = self.system(cells, region, &self.voxels, 0.0);
-                Ok(Last { region: region.clone(), edge, system, nodes })
+                Ok(Last { region: region.clone(), edge, system, nodes, tense: Vec::new() })
             }
         }
     }
@@ -300,25 +304,13 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     /// a bump, a membrane is put beside the bending, tighter until it doesn't.
     fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
         let start = std::mem::take(&mut last.nodes);
-        let (mut made, whole) = self.tense(job, &last.system, Some(start), exec)?;
-        let bound = (!whole.is_affine() && self.goes_one_way(&job.motions))
-            .then(|| OVERSHOOT * self.farthest(&job.motions));
-        for tension in TENSIONS {
-            if bound.is_none_or(|most| longest(&made.field) <= most) {
-                break;
-            }
-            exec.check_cancelled()?;
-            let tenser = Job { tension, motions: job.motions.clone(), ..*job };
-            let cells = Cells::new(self.lattice.grid(), job.region, job.edge);
-            let system = self.system(cells, job.region, &self.voxels, tension);
-            let tenser = self.tense(&tenser, &system, None, exec)?.0;
-            let misfit = |made: &Made| misfit_of(&self.lattice, job.settle.motion, &made.field, job.frame);
-            // Not at the price of leaving the lattice behind.
-            if misfit(&tenser) > CLOSE.max(2.0 * misfit(&made)) {
-                break;
-            }
-            made = tenser;
-        }
+        let whole = self.solve(job, &last.system, Some(start), exec)?;
+        let made = if !whole.is_affine() && self.goes_one_way(&job.motions) {
+            let most = OVERSHOOT * self.farthest(&job.motions);
+            self.bounded(job, (&last.system, &whole), &mut last.tense, most, exec)?
+        } else {
+            self.make(job, &last.system, &whole, exec)?
+        };
         last.nodes = whole.nodes;
         last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
         Ok((made, last))
@@ -346,17 +338,20 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         followed.map(|(motion, _)| motion.norm()).fold(0.0, f64::max)
     }
 
-    /// The field of a frame under the tension of a job, and the step that found it at once.
-    fn tense(
+    /// The way of a frame in one step, under the tension of a job.
+    fn solve(
         &self,
         job: &Job<'_>,
         system: &System,
         start: Option<Vec<Triple>>,
         exec: &Exec,
-    ) -> Result<(Made, Step), Error> {
+    ) -> Result<Step, Error> {
+        Ok(Step::solve(system, job.region, &self.positions, &job.motions, start, TOLERANCE, exec)?)
+    }
+
+    /// The field of a step; where that folds, the same way repaired or in increments.
+    fn make(&self, job: &Job<'_>, system: &System, whole: &Step, exec: &Exec) -> Result<Made, Error> {
         let grid = self.lattice.grid();
-        let motions = &job.motions;
-        let whole = Step::solve(system, job.region, &self.positions, motions, start, TOLERANCE, exec)?;
         let bricks = whole.field(grid, system, job.region).sample(None, job.bricks, exec)?;
         let field = cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)?;
         let mut solved = SolveFigures {
@@ -366,13 +361,14 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         };
         whole.count(&mut solved);
         let certificate = certified(&field, job, exec)?;
-        let path = |t: f64| -> Vec<Vector3<f64>> { (0..motions.len()).map(|v| whole.path(v, t)).collect() };
+        let path =
+            |t: f64| -> Vec<Vector3<f64>> { (0..job.motions.len()).map(|v| whole.path(v, t)).collect() };
         let (field, repairs) = if certificate.holds() {
             (field, 0)
         } else {
             self.unfolded(job, field, &path, &mut solved, exec)?
         };
-        Ok((Made { field, repairs, solved: Some(solved) }, whole))
+        Ok(Made { field, repairs, solved: Some(solved) })
     }
 
     /// The way gone in parts, each from where the vertices have come to, and the rounds of repair that it took; `None` where
@@ -490,13 +486,13 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     }
 }
 
-/// The certificate of a field, as far as it decides whether a way can be gone.
 /// Length of a field's longest vector (mm).
 fn longest(field: &FieldBricks) -> f64 {
     let square = |v: &[f32; 3]| Vector3::from(*v).map(f64::from).norm_squared();
     field.vectors().par_iter().map(square).reduce(|| 0.0, f64::max).sqrt()
 }
 
+/// The certificate of a field, as far as it decides whether a way can be gone.
 fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certificate, Error> {
     let (grid, counts) = (job.settle.lattice.grid(), job.settle.counts());
     Ok(certify_bricks(field, grid, 0.0, &counts, &touched(field), Detail::least(exec), exec)?)

@@ -1,6 +1,6 @@
 //! One motion of the vertices and the field that follows it.
 
-use ivd_core::{Error, Exec, Grid};
+use ivd_core::{Error, Exec, Grid, VoxelCoord};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -74,6 +74,19 @@ impl Step {
 
     pub(super) fn field<'a>(&'a self, grid: &'a Grid, system: &'a System, region: &'a Region) -> Field<'a> {
         Field { grid, region, cells: &system.cells, affine: self.affine.as_ref(), nodes: &self.nodes }
+    }
+
+    /// How far nodes at voxels of the part where all of the field counts go (mm): a voxel goes at least as far, rounding apart.
+    pub(super) fn reach_of_nodes(&self, system: &System, region: &Region, grid: &Grid) -> f64 {
+        let free = system.cells.nodes.free.all();
+        let far = |(node, motion): (&[i32; 3], &Triple)| {
+            let VoxelCoord(voxel) = system.cells.voxel(*node);
+            let is_whole =
+                grid.nearest_voxel(voxel).is_some() && region.weight(grid.linear_part() * voxel) == 1.0;
+            if is_whole { Vector3::from(*motion).norm() } else { 0.0 }
+        };
+        // As a voxel's has fewer digits.
+        free.par_iter().zip(&self.nodes).map(far).reduce(|| 0.0, f64::max) * (1.0 - 1e-6)
     }
 
     /// Whether an affine motion explains most of it, which may move voxels further than it moves vertices.

@@ -17,7 +17,7 @@ use crate::params::{from_toml, place_landmarks};
 pub struct Override {
     /// Keys from the top; a number indexes an array (`deform.handle.0.radius`).
     pub path: Vec<String>,
-    /// The new value.
+    /// The new value; an empty text takes the key out (`boundary.above=`).
     pub value: Value,
 }
 
@@ -198,7 +198,7 @@ fn set(table: &mut Table, o: &Override) -> Result<(), String> {
     let whole = o.path.join(".");
     let Some((first, rest)) = o.path.split_first() else { return Err(format!("--set {whole}: give a key")) };
     let Some((last, parents)) = rest.split_last() else {
-        table.insert(first.clone(), o.value.clone());
+        put(table, first, &o.value);
         return Ok(());
     };
     let mut at = table.entry(first.clone()).or_insert_with(|| Value::Table(Table::new()));
@@ -213,11 +213,20 @@ fn set(table: &mut Table, o: &Override) -> Result<(), String> {
         let slot = last.parse().ok().and_then(|i: usize| list.get_mut(i));
         *slot.ok_or_else(|| format!("--set {whole}: no element `{last}`"))? = o.value.clone();
     } else if let Value::Table(table) = at {
-        table.insert(last.clone(), o.value.clone());
+        put(table, last, &o.value);
     } else {
         return Err(format!("--set {whole}: `{last}` would lie inside a plain value"));
     }
     Ok(())
+}
+
+/// Says a key's value; nothing takes the key out.
+fn put(table: &mut Table, key: &str, value: &Value) {
+    if value.as_str() == Some("") {
+        table.remove(key);
+    } else {
+        table.insert(key.to_owned(), value.clone());
+    }
 }
 
 /// # Errors

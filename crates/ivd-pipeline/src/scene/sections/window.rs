@@ -2,9 +2,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// No place or length of a window is further from 0 (mm).
-const FARTHEST: f64 = 1e6;
+const FARTHEST: f64 = 1e12;
 /// Most rulers.
-const MOST_RULERS: usize = 256;
+const MOST_RULERS: usize = 64;
 /// How far colours are shifted at most, in widths of their range, and widened, as a power of e.
 const TURNED: [f64; 2] = [2.0, 3.0];
 
@@ -79,10 +79,14 @@ pub struct WindowSection {
     /// Which state of the body is shown; `now` where it isn't said.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shows: Option<Body>,
+    /// Where the line lies that divides pictures of both states, as a share of their width; the middle where it isn't said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub line: Option<f64>,
     /// What colours over slices tell of.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub over: Option<Over>,
-    /// Rulers, at most 256.
+    /// Rulers, at most 64.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ruler: Vec<RulerSection>,
 }
@@ -92,12 +96,12 @@ impl WindowSection {
     pub(crate) fn check(&self) -> Result<(), String> {
         let is_place = |place: &[f64; 3]| place.iter().all(|c| c.is_finite() && c.abs() <= FARTHEST);
         let wrong = |key: &str, value: String, remedy: &str| Err(format!("window.{key} = {value}: {remedy}"));
-        let places = "use finite numbers up to a million (mm)";
+        let places = "use finite numbers up to 1e12 (mm)";
         if let Some(cross) = self.cross.filter(|cross| !is_place(cross)) {
             return wrong("cross", format!("{cross:?}"), places);
         }
         if let Some(radius) = self.radius.filter(|radius| !(*radius > 0.0 && *radius <= FARTHEST)) {
-            return wrong("radius", radius.to_string(), "use a positive length up to a million (mm)");
+            return wrong("radius", radius.to_string(), "use a positive length up to 1e12 (mm)");
         }
         if let Some(values) = self.values.filter(|[low, high]| !((high - low).is_finite() && high > low)) {
             return wrong("values", format!("{values:?}"), "use two finite numbers, the darker first");
@@ -109,6 +113,9 @@ impl WindowSection {
                 format!("{colours:?}"),
                 "use a shift of −2 to 2 and a widening of −3 to 3",
             );
+        }
+        if let Some(line) = self.line.filter(|line| !(0.0..=1.0).contains(line)) {
+            return wrong("line", line.to_string(), "use a share of the width, 0 to 1");
         }
         if self.ruler.len() > MOST_RULERS {
             let remedy = format!("use {MOST_RULERS} at most");
@@ -143,7 +150,8 @@ mod tests {
         let error = |keys: &str| parse(&format!("{SCENE}{keys}\n"), &[]).unwrap_err();
         for (keys, told) in [
             ("cross = [0.0, nan, 0.0]", "window.cross"),
-            ("cross = [0.0, 1e9, 0.0]", "window.cross"),
+            ("cross = [0.0, 1e13, 0.0]", "window.cross"),
+            ("line = 1.5", "window.line"),
             ("values = [3.0, 3.0]", "window.values"),
             ("values = [-1.7e308, 1.7e308]", "window.values"),
             ("radius = 0.0", "window.radius"),
