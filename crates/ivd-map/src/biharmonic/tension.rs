@@ -49,8 +49,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             !is_alone && step.reach_of_nodes(system, job.region, self.lattice.grid()) > most
         };
         if !goes_on(whole, system) {
-            return self.tighten(job, self.make(job, system, whole, exec)?, kept, (most, 0), exec);
+            let made = self.make(job, system, whole, exec)?;
+            return self.tighten(job, made, kept, (most, 0), Vec::new(), exec);
         }
+        let mut steps = Vec::new();
         // What goes too far at a node needn't be made to see that.
         for i in 0..TENSIONS.len() {
             exec.check_cancelled()?;
@@ -58,27 +60,51 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let equations = self.under_tension(&tenser, i, kept);
             let step = self.solve(&tenser, &equations, None, exec)?;
             if goes_on(&step, &equations) {
+                steps.push(step);
                 continue;
             }
             let made = self.make(&tenser, &equations, &step, exec)?;
-            if self.misfit(job, &made) > CLOSE {
+            drop(equations);
+            let left = self.misfit(job, &made);
+            if left <= CLOSE {
+                return self.tighten(job, made, kept, (most, i + 1), Vec::new(), exec);
+            }
+            // What was skipped before it decides whether it leaves the lattice behind.
+            let before = match steps.last() {
+                None => self.make(job, system, whole, exec)?,
+                Some(step) => {
+                    let looser = under(job, i - 1);
+                    let equations = self.under_tension(&looser, i - 1, kept);
+                    self.make(&looser, &equations, step, exec)?
+                }
+            };
+            let was = self.misfit(job, &before);
+            steps.push(step);
+            if was > CLOSE {
                 break;
             }
-            drop(equations);
-            return self.tighten(job, made, kept, (most, i + 1), exec);
+            if left > 2.0 * was {
+                return Ok(before);
+            }
+            return self.tighten(job, made, kept, (most, i + 1), Vec::new(), exec);
         }
-        self.tighten(job, self.make(job, system, whole, exec)?, kept, (most, 0), exec)
+        let made = self.make(job, system, whole, exec)?;
+        self.tighten(job, made, kept, (most, 0), steps, exec)
     }
 
     /// The same from one tension on, each after the one before, until voxels stay within the bound or the lattice is left behind.
+    ///
+    /// - `steps`: those that are known, from there on.
     fn tighten(
         &self,
         job: &Job<'_>,
         mut made: Made,
         kept: &mut Vec<System>,
         (most, from): (f64, usize),
+        steps: Vec<Step>,
         exec: &Exec,
     ) -> Result<Made, Error> {
+        let mut known = steps.into_iter();
         for i in from..TENSIONS.len() {
             if longest(&made.field) <= most {
                 break;
@@ -86,7 +112,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             exec.check_cancelled()?;
             let tenser = under(job, i);
             let equations = self.under_tension(&tenser, i, kept);
-            let step = self.solve(&tenser, &equations, None, exec)?;
+            let step = match known.next() {
+                Some(step) => step,
+                None => self.solve(&tenser, &equations, None, exec)?,
+            };
             let tenser = self.make(&tenser, &equations, &step, exec)?;
             // Not at the price of leaving the lattice behind.
             if self.misfit(job, &tenser) > CLOSE.max(2.0 * self.misfit(job, &made)) {
