@@ -16,9 +16,9 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    /// What a scene says, or what most values of a volume lie in.
-    pub(crate) fn of_section(said: &WindowSection, volume: &Volume) -> Self {
-        said.values.map_or_else(|| Self::of(volume), |[low, high]| Self { low, high })
+    /// What a scene says that windows show, or this one.
+    pub(crate) fn or_said(self, said: &WindowSection) -> Self {
+        said.values.map_or(self, |[low, high]| Self { low, high })
     }
 
     /// What most values of a volume lie in.

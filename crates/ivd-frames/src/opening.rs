@@ -44,9 +44,9 @@ impl Tell {
     }
 
     /// The scan is read; `said`: what its scene says that windows show.
-    pub fn scan(&self, volume: &Volume, said: &WindowSection) {
+    pub fn scan(&self, volume: &Volume, said: Option<&WindowSection>) {
         if self.0.is_some() {
-            self.push(Told::Scan(Box::new((volume.clone(), said.clone()))));
+            self.push(Told::Scan(Box::new((volume.clone(), said.cloned().unwrap_or_default()))));
         }
     }
 

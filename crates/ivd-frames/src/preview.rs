@@ -97,7 +97,7 @@ pub(crate) struct Preview {
 
 impl Preview {
     pub(crate) fn new(volume: Volume, said: &WindowSection, exec: &Exec) -> Self {
-        let window = Window::of_section(said, &volume);
+        let first = Window::of(&volume);
         let mut planes = Planes::new(volume.grid());
         if let Some(cross) = said.cross {
             planes.meet(cross, volume.grid());
@@ -107,8 +107,8 @@ impl Preview {
         let exec = exec.clone().with_threads(exec.threads()).with_observer(Arc::new(NoObserver));
         Self {
             planes,
-            window,
-            first: Window::of(&volume),
+            window: first.or_said(said),
+            first,
             volume,
             hovered: None,
             versions: [1; 3],

@@ -231,7 +231,7 @@ fn run(
         if node.id == NodeId::IMPORT
             && let Some(volume) = Volume::of(&result.artefact)
         {
-            tell.scan(volume, &loaded.scene.window.clone().unwrap_or_default());
+            tell.scan(volume, loaded.scene.window.as_ref());
         }
         done.insert(node.id, result);
     }

@@ -131,7 +131,7 @@ impl Model {
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
         let is_new = taken.is_none();
-        self.drag = Some(Drag { handle, from: at, by, across, is_new, wanted: by, share: 0.5 });
+        self.drag = Some(Drag { handle, from: at, by, across, is_new, out: None, wanted: by, share: 0.5 });
         Ok(())
     }
 
@@ -146,11 +146,11 @@ impl Model {
             None => way,
             Some(Some(axis)) => along(axis, way, normal, END_ON).unwrap_or_default(),
             Some(None) => {
-                let held = self.held();
-                let out = held.and_then(|(_, held, _)| {
+                drag.out = drag.out.or_else(|| {
+                    let (_, held, _) = self.held()?;
                     sheet::outwards(self.session.lattice(), &held.at, OUT * held.radius)
                 });
-                let Some(out) = out else {
+                let Some(out) = drag.out else {
                     self.refused =
                         Some(self.refusal("the surface has no side there: it has no in and out".to_owned()));
                     return Ok(());

@@ -100,6 +100,8 @@ struct Drag {
     across: Across,
     /// Whether it was made to be held.
     is_new: bool,
+    /// Out of the surface there, once that was asked for.
+    out: Option<Vector3<f64>>,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
     /// Where that is refused, the share of the way there that is tried next; 0: none is, as it was stopped.
@@ -129,7 +131,7 @@ impl Model {
         session.deformed().find_bricks(&exec)?;
         let said = subject.scene.window.clone().unwrap_or_default();
         let mut model = Self {
-            kept: (session.settings().clone(), looks.clone(), Vec::new()),
+            kept: Kept::default(),
             looks,
             session,
             panes,

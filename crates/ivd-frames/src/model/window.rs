@@ -5,7 +5,6 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::Model;
-use crate::colours::Window;
 use crate::planes::Planes;
 use crate::{Compared, Error, Shows};
 
@@ -29,9 +28,7 @@ impl Model {
         if let Some(cross) = said.cross {
             self.panes.planes.meet(cross, &grid);
         }
-        if let Some([low, high]) = said.values {
-            self.window = Window { low, high };
-        }
+        self.window = self.first_window.or_said(said);
         self.radius = said.radius.unwrap_or_else(|| self.first_radius());
         self.panes.cut = said.inside.and_then(same);
         self.overlay = said.over.and_then(same);

@@ -12,8 +12,6 @@ use ivd_frames::{
     Tell,
 };
 
-use ivd_pipeline::scene::WindowSection;
-
 use super::common::{BALL, Draw, loaded, model};
 use super::scripts::assert_as_piped;
 
@@ -109,7 +107,7 @@ fn slices_are_shown_and_moved_before_there_is_a_model() {
     let open = move |tell: &Tell| {
         let model = model(BALL);
         tell.stage("import");
-        tell.scan(model.session().rest(), &WindowSection::default());
+        tell.scan(model.session().rest(), None);
         wait.recv_timeout(LONG).unwrap();
         Ok(model)
     };
