@@ -95,6 +95,7 @@
 
 #![forbid(unsafe_code)]
 
+mod alone;
 mod biharmonic;
 mod body;
 mod compose;

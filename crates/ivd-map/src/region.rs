@@ -33,7 +33,7 @@ impl Region {
         }
         let most = largest(frame);
         let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
-        let margin = band.margin.unwrap_or_else(|| (4.0 * most).max(2.0 * motion.grid().voxel_diagonal()));
+        let margin = band.margin.unwrap_or_else(|| (4.0 * most).max(least_margin(motion.grid())));
         let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid().voxel_diagonal()));
         Self { balls, margin, depth }
     }
@@ -50,6 +50,18 @@ impl Region {
         let balls =
             self.balls.iter().map(|&(centre, radius)| (centre, radius + wide(radius) - margin)).collect();
         Self { balls, margin, depth: self.depth }
+    }
+
+    /// The same with a margin that motions of about this length share, where the margin follows the motion: the next of a row, each √2 times the one
+    /// before.
+    ///
+    /// - `least`: the smallest margin (mm).
+    pub(super) fn shared(&self, band: &Band, least: f64) -> Self {
+        if band.margin.is_some() {
+            return self.clone();
+        }
+        let steps = (2.0 * (self.margin / least).log2()).ceil().max(0.0);
+        Self { balls: self.balls.clone(), margin: self.margin.max(least * (0.5 * steps).exp2()), depth: 0.0 }
     }
 
     /// ω: 1 in the balls, 0 beyond the margin, `1 − Π (1 − ωᵢ)` over the balls in between.
@@ -83,6 +95,11 @@ impl Region {
     pub(super) fn bricks(&self, grid: &Grid) -> Vec<usize> {
         grid.bricks_of_balls(self.balls())
     }
+}
+
+/// The smallest margin that follows a motion (mm).
+pub(super) fn least_margin(grid: &Grid) -> f64 {
+    2.0 * grid.voxel_diagonal()
 }
 
 /// Largest motion of a vertex (mm).

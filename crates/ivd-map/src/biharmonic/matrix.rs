@@ -136,6 +136,62 @@ impl Matrix {
     }
 }
 
+/// Values for the axes of space, and one more that fills a processor's lane.
+pub(super) type Quad = [f32; 4];
+
+/// A matrix of fewer digits, for what needs to be right in its direction only.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Single {
+    starts: Vec<u32>,
+    columns: Vec<u32>,
+    values: Vec<f32>,
+}
+
+impl Single {
+    pub(super) fn new(matrix: &Matrix) -> Self {
+        Self {
+            starts: matrix.starts.iter().map(|s| *s as u32).collect(),
+            columns: matrix.columns.clone(),
+            values: matrix.values.iter().map(|v| *v as f32).collect(),
+        }
+    }
+
+    pub(super) fn height(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// `each(yᵢ, (A x)ᵢ)` for every row.
+    pub(super) fn apply(&self, x: &[Quad], y: &mut [Quad], each: impl Fn(&mut Quad, Quad) + Sync) {
+        debug_assert_eq!(y.len(), self.height());
+        let times = |i: usize| {
+            let range = self.starts[i] as usize..self.starts[i + 1] as usize;
+            let (columns, values) = (&self.columns[range.clone()], &self.values[range]);
+            // Four sums, so that none waits for the one before.
+            let mut sums = [Quad::default(); 4];
+            let add = |sum: &mut Quad, c: u32, v: f32| {
+                let x = &x[c as usize];
+                *sum = std::array::from_fn(|a| sum[a] + v * x[a]);
+            };
+            let (fours, left) = columns.as_chunks::<4>();
+            let (of_fours, of_left) = values.as_chunks::<4>();
+            for (c, v) in fours.iter().zip(of_fours) {
+                for k in 0..4 {
+                    add(&mut sums[k], c[k], v[k]);
+                }
+            }
+            for (c, v) in left.iter().zip(of_left) {
+                add(&mut sums[0], *c, *v);
+            }
+            std::array::from_fn(|a| (sums[0][a] + sums[1][a]) + (sums[2][a] + sums[3][a]))
+        };
+        y.par_chunks_mut(ROWS).enumerate().for_each(|(part, y)| {
+            for (k, y) in y.iter_mut().enumerate() {
+                each(y, times(part * ROWS + k));
+            }
+        });
+    }
+}
+
 /// Room for a row of a product: the place of each column in the sums, and the sums.
 type Scratch = (Vec<u32>, Vec<(usize, f64)>);
 

@@ -13,6 +13,8 @@
 //!   nodes. Nodes on ∂Ω and beyond it are held at 0, and the second differences that reach them count, so that `r` falls to 0
 //!   with its slope, over the whole way from the surface to ∂Ω. Nothing is asked at the lattice but that the field follows
 //!   it: inside and outside take part alike. Beyond the grid the cells end one further, naturally.
+//! - Where nothing is affine and the margin follows the motion, nodes reach a little beyond Ω, as far for all motions of about one length: a drag
+//!   then has the same equations again and again.
 //! - `ω` takes away the last of `r`, in cells that ∂Ω cuts: beyond Ω nothing moves, bit for bit, though cells are coarse.
 //! - `A` is the affine motion of the whole lattice (polar for a rigid one), where it explains the motion to a quarter
 //!   (root mean square); else 0. In the balls `ω = 1` and `A_ω = A`: an affine motion of a lattice in them is exact there,
@@ -58,24 +60,26 @@ use std::ops::Deref;
 
 use ivd_core::Error as CoreError;
 use ivd_core::op::Op as _;
-use ivd_core::{Exec, FieldBricks, Frame, InteriorPoints, Lattice, Mask, Motion};
+use ivd_core::{Exec, FieldBricks, Frame, InteriorPoints, Lattice, Mask, Motion, VoxelCoord};
 use ivd_field::certificate::{Certificate, Detail, certify_bricks, touched};
-use ivd_field::sampler::{Sampler, brick_at, brick_voxels};
+use ivd_field::sampler::Sampler;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::alone::cut;
 use super::frame::{check_size, frame_of, moving_bricks};
 use super::limit::as_far;
 use super::outcome::{SolveFigures, misfit as misfit_of};
-use super::region::{Region, largest};
+use super::region::{Region, largest, least_margin};
 use super::relax::relax;
 use super::settle::Settle;
 use super::{BiharmonicParams, MapResult, MapUpdate, Outside};
 use crate::Error;
 use matrix::Triple;
 use nodes::Cells;
-use step::Step;
+use step::{Aim, Step};
 use system::{Places, System};
+use tension::Bound;
 
 /// Residual of the equations, relative to their right-hand side: the field is within some 10⁻⁶ of the minimiser.
 const TOLERANCE: f64 = 1e-8;
@@ -90,9 +94,8 @@ const SMALLEST: f64 = 1.0 / 16.0;
 const ONE_WAY: f64 = 0.95;
 /// How far a voxel may move, relative to the largest motion of what is followed.
 const OVERSHOOT: f64 = 1.02;
-/// Layer round a part that moves alone in which its motion continues (voxels): one for the corners of the cells at its
-/// surface, one so that repair doesn't reach the layer's end.
-const LAYER: usize = 2;
+/// Nodes of other regions whose equations a drag keeps: some 5 kB each.
+const KEPT: usize = 20_000;
 
 /// A lattice, ready to be mapped frame by frame; keeps the last frame's equations and nodes.
 pub struct Biharmonic<L> {
@@ -103,8 +106,9 @@ pub struct Biharmonic<L> {
     inside: Option<Mask>,
     /// Whether each of them is to be followed.
     constrains: Vec<bool>,
-    last: Option<Last>,
-    /// Whether equations under tension are kept, too: a drag asks for them again.
+    /// Of the last frames, the last one's first.
+    kept: Vec<Last>,
+    /// Whether equations under tension and of other regions are kept, too: a drag asks for them again.
     keeps: bool,
 }
 
@@ -113,6 +117,7 @@ struct Last {
     region: Region,
     edge: Option<u8>,
     system: System,
+    /// Values of its nodes, which the next frame starts from; empty for 0.
     nodes: Vec<Triple>,
     /// The same equations under the first tensions.
     tense: Vec<System>,
@@ -121,9 +126,12 @@ struct Last {
 /// A frame to be mapped.
 struct Job<'a> {
     region: &'a Region,
+    /// Where there are nodes: the region, or one that holds it.
+    room: &'a Region,
     frame: &'a Frame,
     /// Of vertices and inner points (mm).
-    motions: Vec<Vector3<f64>>,
+    motions: &'a [Vector3<f64>],
+    aim: &'a Aim<'a>,
     bricks: &'a [usize],
     settle: &'a Settle<'a>,
     edge: Option<u8>,
@@ -147,7 +155,15 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let inside = (outside == Outside::Free).then(|| ivd_octree::inside(&lattice, exec)).transpose()?;
         let voxels = (0..lattice.keys().len()).map(|i| lattice.voxel(i).0).collect();
         let positions = lattice.local_positions();
-        Ok(Self { lattice, voxels, positions, inside, constrains: Vec::new(), last: None, keeps: false })
+        Ok(Self {
+            lattice,
+            voxels,
+            positions,
+            inside,
+            constrains: Vec::new(),
+            kept: Vec::new(),
+            keeps: false,
+        })
     }
 
     /// Maps frame `frame` of a motion of the lattice.
@@ -181,9 +197,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         params: &BiharmonicParams,
         exec: &Exec,
     ) -> Result<MapUpdate, Error> {
-        if let Some(last) = &mut self.last {
-            last.nodes.fill(Triple::default());
-        }
+        self.kept.iter_mut().for_each(|last| last.nodes.clear());
         self.keeps = true;
         self.with_frame(motion, frame, params, exec, |settle, made, exec| {
             let mut moved = settle.moved(made.field, exec)?;
@@ -216,6 +230,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         exec.run(|| {
             self.take_inner(motion.inner());
             self.take_roles(motion);
+            let kept = std::mem::take(&mut self.kept);
             let grid = self.lattice.grid();
             let region = Region::new(motion, frame, &self.positions, &params.band, None);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
@@ -236,23 +251,32 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 };
                 return settled(&settle, still, exec);
             }
-            let last = self.equations(&region, params.cell, exec)?;
-            let inside = self.inside.take();
-            let alone = inside.as_ref();
-            let (lattice, band) = (&*self.lattice, &params.band);
-            let settle = Settle { lattice, alone, region: &region, motion, frame, band };
             let inner = motion.inner().frames.get(number).into_iter().flat_map(|frame| &frame[..]);
-            let motions = frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
-            let (settle, edge) = (&settle, params.cell);
-            let job = Job { region: &region, frame, motions, bricks: &bricks, settle, edge, tension: 0.0 };
-            let followed = self.follow(&job, last, exec);
-            let outcome = followed.and_then(|(made, last)| Ok((settled(settle, made, exec)?, last)));
-            let outcome = outcome.map(|(outcome, last)| {
-                self.last = Some(last);
-                outcome
-            });
-            self.inside = inside;
-            outcome
+            let motions: Vec<Vector3<f64>> =
+                frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
+            let aim = Aim::new(&self.positions, &motions, &region);
+            let (lattice, band) = (&*self.lattice, &params.band);
+            // Beyond its own region an affine part has nothing to take back.
+            let shared = || region.shared(band, least_margin(grid));
+            let room = if aim.is_affine() { region.clone() } else { shared() };
+            let settle =
+                Settle { lattice, alone: self.inside.as_ref(), region: &region, motion, frame, band };
+            let job = Job {
+                region: &region,
+                room: &room,
+                frame,
+                motions: &motions,
+                aim: &aim,
+                bricks: &bricks,
+                settle: &settle,
+                edge: params.cell,
+                tension: 0.0,
+            };
+            let mut last = self.equations(kept, &job, exec)?;
+            let made = self.follow(&job, &mut last[0], exec)?;
+            let outcome = settled(&settle, made, exec)?;
+            self.kept = last;
+            Ok(outcome)
         })
     }
 
@@ -269,7 +293,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         self.positions.truncate(known);
         self.voxels.extend(inner.places.iter().map(|at| Vector3::from(*at)));
         self.positions.extend(inner.places.iter().map(|at| linear * Vector3::from(*at)));
-        self.last = None;
+        self.kept.clear();
     }
 
     /// Takes in which vertices are to be followed; where they are others than the last ones, the equations are others, too.
@@ -277,43 +301,56 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let constrains: Vec<bool> = (0..self.voxels.len()).map(|v| motion.role(v).constrains()).collect();
         if constrains != self.constrains {
             self.constrains = constrains;
-            self.last = None;
+            self.kept.clear();
         }
     }
 
-    /// The equations of a region: the last ones where they are the same, else new ones that start from the last nodes.
-    fn equations(&mut self, region: &Region, edge: Option<u8>, exec: &Exec) -> Result<Last, Error> {
-        match self.last.take() {
-            Some(last) if last.region == *region && last.edge == edge => Ok(last),
-            last => {
-                let cells = Cells::new(self.lattice.grid(), region, edge);
-                // Rows of the matrix and its levels, mostly of 60 entries.
-                exec.check_memory("the equations of the map", 3 * 60 * 12 * cells.nodes.free.len() as u64)?;
-                let nodes = cells.nodes.free.all().iter().map(|node| {
-                    let last = last.as_ref().filter(|last| last.system.cells.step == cells.step)?;
-                    Some(last.nodes[last.system.cells.nodes.free.find(*node)?])
-                });
-                let nodes = nodes.map(Option::unwrap_or_default).collect();
-                let system = self.system(cells, region, &self.voxels, 0.0);
-                Ok(Last { region: region.clone(), edge, system, nodes, tense: Vec::new() })
-            }
+    /// The equations of a job's room before those of the last frames: the same ones where it had one of their rooms, else new ones that start from the last
+    /// nodes.
+    fn equations(&self, mut kept: Vec<Last>, job: &Job<'_>, exec: &Exec) -> Result<Vec<Last>, Error> {
+        if let Some(at) = kept.iter().position(|last| last.region == *job.room && last.edge == job.edge) {
+            kept[..=at].rotate_right(1);
+            return Ok(kept);
         }
-    }
-
-    /// The field of a frame, and the equations with its nodes. Where vertices go one way and a voxel goes further than any of them, as bent plates do beside
-    /// a bump, a membrane is put beside the bending, tighter until it doesn't.
-    fn follow(&self, job: &Job<'_>, mut last: Last, exec: &Exec) -> Result<(Made, Last), Error> {
-        let start = std::mem::take(&mut last.nodes);
-        let whole = self.solve(job, &last.system, Some(start), exec)?;
-        let made = if !whole.is_affine() && self.goes_one_way(&job.motions) {
-            let most = OVERSHOOT * self.farthest(&job.motions);
-            self.bounded(job, (&last.system, &whole), &mut last.tense, most, exec)?
-        } else {
-            self.make(job, &last.system, &whole, exec)?
+        let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
+        // Rows of the matrix and its levels, mostly of 60 entries.
+        exec.check_memory("the equations of the map", 3 * 60 * 12 * cells.nodes.free.len() as u64)?;
+        let start =
+            kept.first().filter(|last| !last.nodes.is_empty() && last.system.cells.step == cells.step);
+        let nodes = start.map_or_else(Vec::new, |last| {
+            let value = |node: &[i32; 3]| last.system.cells.nodes.free.find(*node).map(|i| last.nodes[i]);
+            cells.nodes.free.all().iter().map(|node| value(node).unwrap_or_default()).collect()
+        });
+        let system = self.system(cells, job.room, &self.voxels, 0.0);
+        kept.insert(0, Last { region: job.room.clone(), edge: job.edge, system, nodes, tense: Vec::new() });
+        let mut left = if self.keeps { KEPT } else { 0 };
+        let fits = |last: &Last| {
+            let many = last.system.cells.nodes.free.len();
+            left = left.checked_sub(many)?;
+            Some(())
         };
-        last.nodes = whole.nodes;
-        last.nodes.resize(last.system.cells.nodes.free.len(), [0.0; 3]);
-        Ok((made, last))
+        let many = 1 + kept[1..].iter().map_while(fits).count();
+        kept.truncate(many);
+        Ok(kept)
+    }
+
+    /// The field of a frame; the nodes are kept. Where vertices go one way and a voxel goes further than any of them, as bent plates do beside
+    /// a bump, a membrane is put beside the bending, tighter until it doesn't.
+    fn follow(&self, job: &Job<'_>, last: &mut Last, exec: &Exec) -> Result<Made, Error> {
+        let bound = (!job.aim.is_affine() && self.goes_one_way(job.motions)).then(|| {
+            let most = OVERSHOOT * self.farthest(job.motions);
+            // A part that moves alone leaves nodes beside it behind.
+            let nodes =
+                if job.settle.alone.is_some() { Vec::new() } else { self.inner_nodes(job, &last.system) };
+            Bound { most, nodes }
+        });
+        let start = Some(std::mem::take(&mut last.nodes)).filter(|nodes| !nodes.is_empty());
+        let whole = self.solve(job, &last.system, start, bound.as_ref(), exec)?;
+        last.nodes.clone_from(&whole.nodes);
+        match bound {
+            Some(bound) => self.bounded(job, (&last.system, whole), &mut last.tense, &bound, exec),
+            None => self.make(job, &last.system, &whole, exec),
+        }
     }
 
     /// The equations in which what lies at `voxels` is followed; `tension`: a membrane's weight beside the bending.
@@ -338,21 +375,35 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         followed.map(|(motion, _)| motion.norm()).fold(0.0, f64::max)
     }
 
+    /// Numbers of the nodes at voxels of the part where all of the field counts: a voxel goes as far as any of them, rounding apart.
+    fn inner_nodes(&self, job: &Job<'_>, system: &System) -> Vec<u32> {
+        let grid = self.lattice.grid();
+        let is_inner = |node: &[i32; 3]| {
+            let VoxelCoord(voxel) = system.cells.voxel(*node);
+            grid.nearest_voxel(voxel).is_some() && job.region.weight(grid.linear_part() * voxel) == 1.0
+        };
+        let nodes = system.cells.nodes.free.all().par_iter().enumerate();
+        nodes.filter(|(_, node)| is_inner(node)).map(|(i, _)| i as u32).collect()
+    }
+
     /// The way of a frame in one step, under the tension of a job.
+    ///
+    /// - `bound`: where the nodes go beyond it, the step is no better than shows that.
     fn solve(
         &self,
         job: &Job<'_>,
         system: &System,
         start: Option<Vec<Triple>>,
+        bound: Option<&Bound>,
         exec: &Exec,
     ) -> Result<Step, Error> {
-        Ok(Step::solve(system, job.region, &self.positions, &job.motions, start, TOLERANCE, exec)?)
+        Ok(Step::solve(system, job.aim, start, (TOLERANCE, bound), exec)?)
     }
 
     /// The field of a step; where that folds, the same way repaired or in increments.
     fn make(&self, job: &Job<'_>, system: &System, whole: &Step, exec: &Exec) -> Result<Made, Error> {
         let grid = self.lattice.grid();
-        let bricks = whole.field(grid, system, job.region).sample(None, job.bricks, exec)?;
+        let bricks = whole.field(grid, system, job.aim, job.region).sample(None, job.bricks, exec)?;
         let field = cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)?;
         let mut solved = SolveFigures {
             nodes: system.cells.nodes.free.len() as u64,
@@ -362,7 +413,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         whole.count(&mut solved);
         let certificate = certified(&field, job, exec)?;
         let path =
-            |t: f64| -> Vec<Vector3<f64>> { (0..job.motions.len()).map(|v| whole.path(v, t)).collect() };
+            |t: f64| -> Vec<Vector3<f64>> { (0..job.motions.len()).map(|v| job.aim.path(v, t)).collect() };
         let (field, repairs) = if certificate.holds() {
             (field, 0)
         } else {
@@ -461,7 +512,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let linear = grid.linear_part();
         let at = come.iter().map(|v| linear * v).collect();
         let equations = system.get_or_insert_with(|| {
-            self.system(Cells::new(grid, job.region, job.edge), job.region, &come, job.tension)
+            self.system(Cells::new(grid, job.room, job.edge), job.room, &come, job.tension)
         });
         (at, equations)
     }
@@ -479,9 +530,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let grid = self.lattice.grid();
         let motions: Vec<Vector3<f64>> =
             wanted.iter().zip(&self.positions).zip(at).map(|((u, p), at)| p + u - at).collect();
-        let step = Step::solve(equations, job.region, at, &motions, None, LOOSE, exec)?;
+        let aim = Aim::new(at, &motions, job.region);
+        let step = Step::solve(equations, &aim, None, (LOOSE, None), exec)?;
         step.count(solved);
-        let bricks = step.field(grid, equations, job.region).sample(Some(field), job.bricks, exec)?;
+        let bricks = step.field(grid, equations, &aim, job.region).sample(Some(field), job.bricks, exec)?;
         cut(FieldBricks::of_bricks(grid.dims(), job.bricks, bricks.into())?, job.settle.alone)
     }
 }
@@ -496,35 +548,6 @@ fn longest(field: &FieldBricks) -> f64 {
 fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certificate, Error> {
     let (grid, counts) = (job.settle.lattice.grid(), job.settle.counts());
     Ok(certify_bricks(field, grid, 0.0, &counts, &touched(field), Detail::least(exec), exec)?)
-}
-
-/// The field of a part that moves alone: 0 beyond a layer round it.
-pub(super) fn cut(field: FieldBricks, alone: Option<&Mask>) -> Result<FieldBricks, Error> {
-    let Some(inside) = alone else { return Ok(field) };
-    let dims = field.dims();
-    let near = |voxel: [usize; 3]| {
-        let range = |a: usize| voxel[a].saturating_sub(LAYER)..(voxel[a] + LAYER + 1).min(dims[a]);
-        range(2).any(|z| {
-            range(1).any(|y| {
-                let row = dims[0] * (y + dims[1] * z);
-                inside.inside()[row + range(0).start..row + range(0).end].iter().any(|i| *i != 0)
-            })
-        })
-    };
-    let stored: Vec<usize> = (0..field.table().len()).filter(|&b| field.brick(b).is_some()).collect();
-    let bricks: Vec<Box<[[f32; 3]]>> = stored
-        .par_iter()
-        .map(|&brick| {
-            let mut out: Box<[[f32; 3]]> = field.brick(brick).expect("the brick is stored").into();
-            for (slot, voxel) in brick_voxels(dims, brick_at(field.brick_dims(), brick)) {
-                if out[slot] != [0.0; 3] && !near(voxel.0) {
-                    out[slot] = [0.0; 3];
-                }
-            }
-            out
-        })
-        .collect();
-    Ok(FieldBricks::new(dims, field.table().to_vec(), bricks.concat().into())?)
 }
 
 /// Maps frame `frame` of a motion by the smoothest motion that follows the lattice.

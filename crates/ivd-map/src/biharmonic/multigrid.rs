@@ -11,14 +11,14 @@ use std::borrow::Cow;
 
 use ivd_core::{Error, Exec};
 
-use super::matrix::{Dense, Matrix, Triple, dot};
+use super::matrix::{Dense, Matrix, Quad, Single, Triple, dot};
 use super::nodes::Level as Nodes;
 
 /// Degree of the smoother.
 const DEGREE: usize = 4;
 /// Largest over smallest eigenvalue that the smoother aims at: modes that the next level can't hold reach from the largest
 /// down to a 36th of it for a biharmonic operator.
-const BAND: f64 = 40.0;
+const BAND: f32 = 40.0;
 /// Nodes at which a level is solved directly.
 const SMALL: usize = 300;
 /// Most iterations.
@@ -27,18 +27,20 @@ const ITERATIONS: u32 = 200;
 /// A matrix with its coarser levels.
 #[derive(Debug, Clone)]
 pub(super) struct Hierarchy {
+    matrix: Matrix,
     levels: Vec<Level>,
     coarsest: Option<Dense>,
 }
 
+/// A level of the preconditioner.
 #[derive(Debug, Clone)]
 struct Level {
-    matrix: Matrix,
-    inverse_diagonal: Vec<f64>,
+    matrix: Single,
+    inverse_diagonal: Vec<f32>,
     /// Bound of the eigenvalues of `D⁻¹ A`.
-    bound: f64,
+    bound: f32,
     /// From the next level, and its transpose, where there is one.
-    transfer: Option<(Matrix, Matrix)>,
+    transfer: Option<(Single, Single)>,
 }
 
 /// What the iteration found.
@@ -52,39 +54,42 @@ pub(super) struct Solution {
 
 impl Hierarchy {
     /// - `nodes`: those of the matrix; `spacing`: their distances along each axis (mm).
-    pub(super) fn new(mut matrix: Matrix, nodes: &Nodes, mut spacing: [f64; 3]) -> Self {
+    pub(super) fn new(matrix: Matrix, nodes: &Nodes, mut spacing: [f64; 3]) -> Self {
         let mut levels = Vec::new();
         let mut nodes = Cow::Borrowed(nodes);
-        loop {
-            let mut level = Level::new(matrix);
+        let mut of_level = Cow::Borrowed(&matrix);
+        let coarsest = loop {
+            let mut level = Level::new(&of_level);
             if nodes.free.len() <= SMALL {
-                let coarsest = Some(Dense::new(&level.matrix));
                 levels.push(level);
-                return Self { levels, coarsest };
+                break Some(Dense::new(&of_level));
             }
             let least = spacing.iter().copied().fold(f64::INFINITY, f64::min);
             let halved = spacing.map(|h| h <= 1.5 * least);
             let coarse = nodes.coarser(halved);
             if coarse.free.len() == 0 || 10 * coarse.free.len() > 9 * nodes.free.len() {
                 levels.push(level);
-                return Self { levels, coarsest: None };
+                break None;
             }
             let up = nodes.interpolation(&coarse, halved);
             let down = up.transposed();
-            matrix = down.times(&level.matrix.times(&up));
-            level.transfer = Some((up, down));
+            of_level = Cow::Owned(down.times(&of_level.times(&up)));
+            level.transfer = Some((Single::new(&up), Single::new(&down)));
             levels.push(level);
             spacing = std::array::from_fn(|a| spacing[a] * if halved[a] { 2.0 } else { 1.0 });
             nodes = Cow::Owned(coarse);
-        }
+        };
+        drop(of_level);
+        Self { matrix, levels, coarsest }
     }
 
     /// The matrix itself.
     pub(super) fn matrix(&self) -> &Matrix {
-        &self.levels[0].matrix
+        &self.matrix
     }
 
-    /// Conjugate gradients from `start`, an axis at a time in step, until `|b − A x| ≤ tolerance · |b|`.
+    /// Conjugate gradients from `start`, an axis at a time in step, until `|b − A x| ≤ tolerance · |b|`, or until what has been found by then is
+    /// enough: `enough(x, |b − A x| / |b|)`.
     ///
     /// # Errors
     /// Cancellation, which each step hears.
@@ -93,6 +98,7 @@ impl Hierarchy {
         b: &[Triple],
         start: Vec<Triple>,
         tolerance: f64,
+        enough: impl Fn(&[Triple], f64) -> bool,
         exec: &Exec,
     ) -> Result<Solution, Error> {
         let norm = |v: &[Triple]| dot(v, v).iter().sum::<f64>().sqrt();
@@ -104,9 +110,9 @@ impl Hierarchy {
         let mut rz = [0.0; 3];
         let mut iterations = 0;
         let mut residual = norm(&r);
-        while residual > tolerance * whole && iterations < ITERATIONS {
+        while residual > tolerance * whole && iterations < ITERATIONS && !enough(&x, residual / whole) {
             exec.check_cancelled()?;
-            let z = self.cycle(0, &r);
+            let z = self.precondition(&r, residual);
             let next = dot(&r, &z);
             let beta = ratio(next, rz);
             if p.is_empty() {
@@ -129,47 +135,65 @@ impl Hierarchy {
         Ok(Solution { values: x, iterations, residual: if whole > 0.0 { residual / whole } else { 0.0 } })
     }
 
+    /// An approximate `A⁻¹ r`, in single precision: what it errs in, the next iteration takes up. `size`: about how long `r` is.
+    fn precondition(&self, r: &[Triple], size: f64) -> Vec<Triple> {
+        // Brought to about 1, so that no length is too large or small for it.
+        let by = 1.0 / size;
+        let r: Vec<Quad> =
+            r.iter().map(|&[x, y, z]| [x * by, y * by, z * by, 0.0].map(|c| c as f32)).collect();
+        let z = self.cycle(0, &r);
+        z.iter().map(|&[x, y, z, _]| [x, y, z].map(|c| f64::from(c) * size)).collect()
+    }
+
     /// A V-cycle: an approximate `A⁻¹ b`.
-    fn cycle(&self, at: usize, b: &[Triple]) -> Vec<Triple> {
+    fn cycle(&self, at: usize, b: &[Quad]) -> Vec<Quad> {
         let level = &self.levels[at];
         let Some((up, down)) = &level.transfer else {
             return match &self.coarsest {
-                Some(dense) => dense.solve(b),
-                None => level.smooth(b.to_vec(), vec![[0.0; 3]; b.len()]).0,
+                Some(dense) => {
+                    let b: Vec<Triple> = b.iter().map(|&[x, y, z, _]| [x, y, z].map(f64::from)).collect();
+                    let x = dense.solve(&b);
+                    x.iter().map(|&[x, y, z]| [x, y, z, 0.0].map(|c| c as f32)).collect()
+                }
+                None => level.smooth(b.to_vec(), vec![Quad::default(); b.len()]).0,
             };
         };
-        let (mut x, mut r) = level.smooth(b.to_vec(), vec![[0.0; 3]; b.len()]);
-        let mut coarse = vec![[0.0; 3]; down.height()];
+        let (mut x, mut r) = level.smooth(b.to_vec(), vec![Quad::default(); b.len()]);
+        let mut coarse = vec![Quad::default(); down.height()];
         down.apply(&r, &mut coarse, |c, v| *c = v);
         let correction = self.cycle(at + 1, &coarse);
-        up.apply(&correction, &mut x, |x, v| *x = plus(*x, v));
+        up.apply(&correction, &mut x, |x, v| *x = added(*x, v));
         r.copy_from_slice(b);
-        level.matrix.apply(&x, &mut r, |r, v| *r = minus(*r, v));
+        level.matrix.apply(&x, &mut r, |r, v| *r = less(*r, v));
         level.smooth(r, x).0
     }
 }
 
 impl Level {
-    fn new(matrix: Matrix) -> Self {
+    fn new(matrix: &Matrix) -> Self {
         let diagonal = matrix.diagonal();
-        let bound = matrix.bound(&diagonal);
-        Self { bound, inverse_diagonal: diagonal.iter().map(|d| 1.0 / d).collect(), matrix, transfer: None }
+        Self {
+            bound: matrix.bound(&diagonal) as f32,
+            inverse_diagonal: diagonal.iter().map(|d| (1.0 / d) as f32).collect(),
+            matrix: Single::new(matrix),
+            transfer: None,
+        }
     }
 
     /// Improves `x` given the residual `r = b − A x` (Saad 2003, algorithm 12.1); gives both anew.
-    fn smooth(&self, mut r: Vec<Triple>, mut x: Vec<Triple>) -> (Vec<Triple>, Vec<Triple>) {
+    fn smooth(&self, mut r: Vec<Quad>, mut x: Vec<Quad>) -> (Vec<Quad>, Vec<Quad>) {
         let (low, high) = (self.bound / BAND, self.bound);
-        let (middle, half) = (f64::midpoint(low, high), (high - low) / 2.0);
+        let (middle, half) = (f32::midpoint(low, high), (high - low) / 2.0);
         let sigma = middle / half;
         let mut rho = 1.0 / sigma;
-        let scaled = |r: &Triple, d: f64, by: f64| r.map(|c| c * d * by);
-        let mut step: Vec<Triple> =
+        let scaled = |r: &Quad, d: f32, by: f32| r.map(|c| c * d * by);
+        let mut step: Vec<Quad> =
             r.iter().zip(&self.inverse_diagonal).map(|(r, d)| scaled(r, *d, 1.0 / middle)).collect();
         for k in 0..DEGREE {
             for (x, d) in x.iter_mut().zip(&step) {
-                *x = plus(*x, *d);
+                *x = added(*x, *d);
             }
-            self.matrix.apply(&step, &mut r, |r, v| *r = minus(*r, v));
+            self.matrix.apply(&step, &mut r, |r, v| *r = less(*r, v));
             if k + 1 == DEGREE {
                 break;
             }
@@ -184,8 +208,12 @@ impl Level {
     }
 }
 
-fn plus(a: Triple, b: Triple) -> Triple {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+fn added(a: Quad, b: Quad) -> Quad {
+    std::array::from_fn(|i| a[i] + b[i])
+}
+
+fn less(a: Quad, b: Quad) -> Quad {
+    std::array::from_fn(|i| a[i] - b[i])
 }
 
 fn minus(a: Triple, b: Triple) -> Triple {

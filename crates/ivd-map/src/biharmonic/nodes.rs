@@ -1,6 +1,6 @@
 //! Nodes of the coarse cells in Ω.
 
-use ivd_core::{Grid, VoxelCoord};
+use ivd_core::{FieldBricks, Grid, VoxelCoord};
 use ivd_field::sampler::{Corners, interpolate};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -214,6 +214,21 @@ impl Cells {
         (node, place)
     }
 
+    /// The values at the nodes, trilinear at the voxels of a brick, x fastest: what [`Cells::interpolate`] gives there. `first`: the brick's lowest voxel.
+    pub(super) fn interpolate_brick(&self, values: &[Triple], first: [usize; 3]) -> Vec<Vector3<f64>> {
+        let lowest: [i32; 3] = std::array::from_fn(|a| (first[a] / self.step[a]) as i32);
+        let [nx, ny, nz] = self.step.map(|step| (FieldBricks::SIDE / step + 1) as i32);
+        let at = |node: [i32; 3]| {
+            self.nodes.free.find(node).map_or_else(Vector3::zeros, |i| Vector3::from(values[i]))
+        };
+        let node = |[x, y, z]: [i32; 3]| at([lowest[0] + x, lowest[1] + y, lowest[2] + z]);
+        let of_nodes: Vec<_> =
+            (0..nx * ny * nz).map(|i| node([i % nx, i / nx % ny, i / (nx * ny)])).collect();
+        let along_x = spread(&of_nodes, 1, self.step[0]);
+        let along_y = spread(&along_x, FieldBricks::SIDE, self.step[1]);
+        spread(&along_y, FieldBricks::SIDE * FieldBricks::SIDE, self.step[2])
+    }
+
     /// The values at the nodes, trilinear at a voxel coordinate. `near`: the cell of the last one asked for.
     pub(super) fn interpolate(
         &self,
@@ -231,6 +246,23 @@ impl Cells {
         }
         interpolate(&near.corners, place.into())
     }
+}
+
+/// Values at the nodes along an axis, linear at a brick's voxels along it.
+///
+/// - `inner`: values beside one another before the axis comes to its next node; `step`: voxels from node to node.
+fn spread(values: &[Vector3<f64>], inner: usize, step: usize) -> Vec<Vector3<f64>> {
+    const BRICK: usize = FieldBricks::SIDE;
+    let nodes = BRICK / step + 1;
+    let mut out = Vec::with_capacity(values.len() / nodes * BRICK);
+    for row in values.chunks_exact(inner * nodes) {
+        for at in 0..BRICK {
+            let t = (at % step) as f64 / step as f64;
+            let (low, high) = row[inner * (at / step)..].split_at(inner);
+            out.extend(low.iter().zip(high).map(|(a, b)| a * (1.0 - t) + b * t));
+        }
+    }
+    out
 }
 
 /// The cell that was read last, and the values at its corners.

@@ -88,16 +88,19 @@ impl System {
     }
 
     /// The values of the nodes for which the vertices move by `motions` (mm), as far as their weights let them.
+    ///
+    /// - `enough`: whether values with such a residual, relative to the right-hand side, are enough.
     pub(super) fn solve(
         &self,
         motions: &[Vector3<f64>],
         start: Option<Vec<Triple>>,
         tolerance: f64,
+        enough: impl Fn(&[Triple], f64) -> bool,
         exec: &Exec,
     ) -> Result<Solution, Error> {
         let right = self.right_side(motions);
         let start = start.unwrap_or_else(|| vec![[0.0; 3]; right.len()]);
-        self.hierarchy.solve(&right, start, tolerance, exec)
+        self.hierarchy.solve(&right, start, tolerance, enough, exec)
     }
 
     fn right_side(&self, motions: &[Vector3<f64>]) -> Vec<Triple> {

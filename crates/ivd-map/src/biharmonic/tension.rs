@@ -3,8 +3,10 @@
 use std::ops::Deref;
 
 use ivd_core::{Exec, Lattice};
+use nalgebra::Vector3;
 
 use super::super::outcome::misfit as misfit_of;
+use super::matrix::Triple;
 use super::nodes::Cells;
 use super::step::Step;
 use super::system::System;
@@ -13,6 +15,31 @@ use crate::Error;
 
 /// Weights of a membrane's energy beside the bending, in units of their diagonals.
 const TENSIONS: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
+
+/// How far nodes must go beyond the bound to be ruled out, by the residual of their equations.
+const SURE: f64 = 10.0;
+/// Residual from which on nodes are asked how far they go.
+const ROUGH: f64 = 1e-2;
+
+/// How far what is inside may go (mm).
+pub(super) struct Bound {
+    pub(super) most: f64,
+    /// Nodes that go as far as a voxel of the part does.
+    pub(super) nodes: Vec<u32>,
+}
+
+impl Bound {
+    /// Whether nodes with such a residual go further, and would if they were found better.
+    pub(super) fn rules_out(&self, nodes: &[Triple], residual: f64) -> bool {
+        residual <= ROUGH && self.reach(nodes) > self.most * (1.0 + SURE * residual)
+    }
+
+    /// How far those go (mm), a voxel's digits apart.
+    fn reach(&self, nodes: &[Triple]) -> f64 {
+        let far = |node: &u32| Vector3::from(nodes[*node as usize]).norm_squared();
+        self.nodes.iter().map(far).fold(0.0, f64::max).sqrt() * (1.0 - 1e-6)
+    }
+}
 
 /// Equations that are kept, or aren't.
 enum Equations<'a> {
@@ -38,28 +65,25 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     pub(super) fn bounded(
         &self,
         job: &Job<'_>,
-        (system, whole): (&System, &Step),
+        (system, mut whole): (&System, Step),
         kept: &mut Vec<System>,
-        most: f64,
+        bound: &Bound,
         exec: &Exec,
     ) -> Result<Made, Error> {
-        // A part that moves alone leaves nodes beside it behind.
-        let is_alone = job.settle.alone.is_some();
-        let goes_on = |step: &Step, system: &System| {
-            !is_alone && step.reach_of_nodes(system, job.region, self.lattice.grid()) > most
-        };
-        if !goes_on(whole, system) {
-            let made = self.make(job, system, whole, exec)?;
-            return self.tighten(job, made, kept, (most, 0), Vec::new(), exec);
+        let goes_on = |step: &Step| step.is_rough || bound.reach(&step.nodes) > bound.most;
+        if !goes_on(&whole) {
+            let made = self.make(job, system, &whole, exec)?;
+            return self.tighten(job, made, kept, (bound.most, 0), Vec::new(), exec);
         }
-        let mut steps = Vec::new();
+        let mut steps: Vec<Step> = Vec::new();
         // What goes too far at a node needn't be made to see that.
         for i in 0..TENSIONS.len() {
             exec.check_cancelled()?;
             let tenser = under(job, i);
             let equations = self.under_tension(&tenser, i, kept);
-            let step = self.solve(&tenser, &equations, None, exec)?;
-            if goes_on(&step, &equations) {
+            let start = steps.last().unwrap_or(&whole).nodes.clone();
+            let step = self.solve(&tenser, &equations, Some(start), Some(bound), exec)?;
+            if goes_on(&step) {
                 steps.push(step);
                 continue;
             }
@@ -67,16 +91,17 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             drop(equations);
             let left = self.misfit(job, &made);
             if left <= CLOSE {
-                return self.tighten(job, made, kept, (most, i + 1), Vec::new(), exec);
+                return self.tighten(job, made, kept, (bound.most, i + 1), Vec::new(), exec);
             }
             // What was skipped before it decides whether it leaves the lattice behind.
-            let before = match steps.last() {
-                None => self.make(job, system, whole, exec)?,
-                Some(step) => {
-                    let looser = under(job, i - 1);
-                    let equations = self.under_tension(&looser, i - 1, kept);
-                    self.make(&looser, &equations, step, exec)?
-                }
+            let before = if let Some(looser) = steps.last_mut() {
+                let job = under(job, i - 1);
+                let equations = self.under_tension(&job, i - 1, kept);
+                self.finish(&job, &equations, looser, exec)?;
+                self.make(&job, &equations, looser, exec)?
+            } else {
+                self.finish(job, system, &mut whole, exec)?;
+                self.make(job, system, &whole, exec)?
             };
             let was = self.misfit(job, &before);
             steps.push(step);
@@ -86,10 +111,19 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             if left > 2.0 * was {
                 return Ok(before);
             }
-            return self.tighten(job, made, kept, (most, i + 1), Vec::new(), exec);
+            return self.tighten(job, made, kept, (bound.most, i + 1), Vec::new(), exec);
         }
-        let made = self.make(job, system, whole, exec)?;
-        self.tighten(job, made, kept, (most, 0), steps, exec)
+        self.finish(job, system, &mut whole, exec)?;
+        let made = self.make(job, system, &whole, exec)?;
+        self.tighten(job, made, kept, (bound.most, 0), steps, exec)
+    }
+
+    /// Finds the nodes of a step as well as those of any other.
+    fn finish(&self, job: &Job<'_>, system: &System, step: &mut Step, exec: &Exec) -> Result<(), Error> {
+        if step.is_rough {
+            *step = self.solve(job, system, Some(std::mem::take(&mut step.nodes)), None, exec)?;
+        }
+        Ok(())
     }
 
     /// The same from one tension on, each after the one before, until voxels stay within the bound or the lattice is left behind.
@@ -113,8 +147,11 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let tenser = under(job, i);
             let equations = self.under_tension(&tenser, i, kept);
             let step = match known.next() {
-                Some(step) => step,
-                None => self.solve(&tenser, &equations, None, exec)?,
+                Some(mut step) => {
+                    self.finish(&tenser, &equations, &mut step, exec)?;
+                    step
+                }
+                None => self.solve(&tenser, &equations, None, None, exec)?,
             };
             let tenser = self.make(&tenser, &equations, &step, exec)?;
             // Not at the price of leaving the lattice behind.
@@ -133,8 +170,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     /// The equations under a tension: kept ones, or new ones that a drag keeps.
     fn under_tension<'k>(&self, job: &Job<'_>, i: usize, kept: &'k mut Vec<System>) -> Equations<'k> {
         if kept.len() <= i {
-            let cells = Cells::new(self.lattice.grid(), job.region, job.edge);
-            let system = self.system(cells, job.region, &self.voxels, job.tension);
+            let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
+            let system = self.system(cells, job.room, &self.voxels, job.tension);
             if !self.keeps || kept.len() < i {
                 return Equations::Once(Box::new(system));
             }
@@ -146,5 +183,5 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
 
 /// A job under one of the tensions.
 fn under<'a>(job: &Job<'a>, i: usize) -> Job<'a> {
-    Job { tension: TENSIONS[i], motions: job.motions.clone(), ..*job }
+    Job { tension: TENSIONS[i], ..*job }
 }

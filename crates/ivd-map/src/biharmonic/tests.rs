@@ -13,7 +13,7 @@ impl Scene {
     }
 
     /// The equations of the whole motion.
-    fn system(&self, params: &BiharmonicParams) -> (Region, System) {
+    pub(super) fn system(&self, params: &BiharmonicParams) -> (Region, System) {
         let (grid, positions) = (self.lattice.grid(), self.lattice.local_positions());
         let region = Region::new(&self.motion, &self.motion.frames()[0], &positions, &params.band, None);
         let voxels: Vec<Vector3<f64>> = (0..positions.len()).map(|i| self.lattice.voxel(i).0).collect();
@@ -22,7 +22,7 @@ impl Scene {
         (region, System::new(cells, grid, places, 0.0))
     }
 
-    fn motions(&self) -> Vec<Vector3<f64>> {
+    pub(super) fn motions(&self) -> Vec<Vector3<f64>> {
         self.motion.frames()[0].displacement.iter().map(|d| Vector3::from(*d)).collect()
     }
 }
@@ -184,7 +184,7 @@ fn minimiser_is_that_of_the_plain_dense_equations() {
         assert!((30..2500).contains(&n), "{n} nodes");
         let (matrix, right) = plain_matrix(&system, &scene, &region);
         let plain = (matrix + DMatrix::identity(n, n) * 1e-9).cholesky().unwrap().solve(&right);
-        let found = system.solve(&scene.motions(), None, 1e-12, &Exec::default()).unwrap();
+        let found = system.solve(&scene.motions(), None, 1e-12, |_, _| false, &Exec::default()).unwrap();
         let most = plain.amax();
         let worst = (0..n).flat_map(|i| (0..3).map(move |a| (i, a)));
         let worst = worst.map(|(i, a)| (found.values[i][a] - plain[(i, a)]).abs()).fold(0.0, f64::max);
@@ -209,7 +209,7 @@ fn iterations_hardly_grow_with_the_region() {
         let push = ivd_field::fixtures::bump(top, radius, Vector3::new(0.0, 0.0, 0.2 * radius));
         let scene = scene(&grid, ball(centre, radius), push, &[(top, radius)]);
         let (_, system) = scene.system(&smooth());
-        let found = system.solve(&scene.motions(), None, 1e-8, &Exec::default()).unwrap();
+        let found = system.solve(&scene.motions(), None, 1e-8, |_, _| false, &Exec::default()).unwrap();
         told.push((system.cells.nodes.free.len(), found.iterations));
         assert!(found.residual <= 1e-8);
     }
@@ -476,6 +476,30 @@ fn motions_that_no_vector_holds_and_cancelled_work_end_with_a_reason() {
     // Large equations take long: they hear it as well.
     let stopped = dented(1.0, 3.0);
     let (_, system) = stopped.system(&smooth());
-    assert!(system.solve(&stopped.motions(), None, 1e-8, &Exec::default()).is_ok());
-    assert!(system.solve(&stopped.motions(), None, 1e-8, &exec).is_err());
+    assert!(system.solve(&stopped.motions(), None, 1e-8, |_, _| false, &Exec::default()).is_ok());
+    assert!(system.solve(&stopped.motions(), None, 1e-8, |_, _| false, &exec).is_err());
+}
+
+#[test]
+fn a_drag_gives_what_each_of_its_motions_gives_alone() {
+    let grid = Grid::with_spacing([32; 3], [1.0; 3]).unwrap();
+    let centre = middle(&grid);
+    let top = centre + Vector3::new(0.0, 0.0, 10.0);
+    let moved = |length: f64| {
+        let push = ivd_field::fixtures::bump(top, 8.0, Vector3::new(0.3, 0.0, 1.0) * length);
+        scene(&grid, ball(centre, 10.0), push, &[(top, 8.0)])
+    };
+    let exec = Exec::default();
+    let scenes = [0.5, 0.9, 1.4, 2.0, 1.45, 0.7, -1.0].map(moved);
+    let mut dragged = Biharmonic::new(&scenes[0].lattice, Outside::Band, &exec).unwrap();
+    let mut under_tension = 0;
+    for scene in &scenes {
+        let update = dragged.drag(&scene.motion, 0, &smooth(), &exec).unwrap();
+        let alone = scene.smooth(&smooth(), &exec).unwrap();
+        assert!(update.displacement == alone.displacement, "it depends on what was dragged before");
+        under_tension += usize::from(!dragged.kept[0].tense.is_empty());
+    }
+    assert!(under_tension >= 3, "{under_tension}");
+    // 2, 4 and 5.6 mm, 8 mm: motions of about one length share their equations.
+    assert!((2..scenes.len()).contains(&dragged.kept.len()), "{}", dragged.kept.len());
 }

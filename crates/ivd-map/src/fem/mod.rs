@@ -41,7 +41,7 @@ use ivd_field::vectors::sampled;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::biharmonic::cut;
+use super::alone::cut;
 use super::frame::{check_size, frame_of, moving_bricks};
 use super::limit::as_far;
 use super::outcome::SolveFigures;
