@@ -345,7 +345,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             Bound { most, nodes }
         });
         let start = Some(std::mem::take(&mut last.nodes)).filter(|nodes| !nodes.is_empty());
-        let whole = self.solve(job, &last.system, start, bound.as_ref(), exec)?;
+        let whole = Self::solve(job, &last.system, start, bound.as_ref(), exec)?;
         last.nodes.clone_from(&whole.nodes);
         match bound {
             Some(bound) => self.bounded(job, (&last.system, whole), &mut last.tense, &bound, exec),
@@ -390,7 +390,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     ///
     /// - `bound`: where the nodes go beyond it, the step is no better than shows that.
     fn solve(
-        &self,
         job: &Job<'_>,
         system: &System,
         start: Option<Vec<Triple>>,

@@ -82,7 +82,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let tenser = under(job, i);
             let equations = self.under_tension(&tenser, i, kept);
             let start = steps.last().unwrap_or(&whole).nodes.clone();
-            let step = self.solve(&tenser, &equations, Some(start), Some(bound), exec)?;
+            let step = Self::solve(&tenser, &equations, Some(start), Some(bound), exec)?;
             if goes_on(&step) {
                 steps.push(step);
                 continue;
@@ -97,10 +97,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let before = if let Some(looser) = steps.last_mut() {
                 let job = under(job, i - 1);
                 let equations = self.under_tension(&job, i - 1, kept);
-                self.finish(&job, &equations, looser, exec)?;
+                Self::finish(&job, &equations, looser, exec)?;
                 self.make(&job, &equations, looser, exec)?
             } else {
-                self.finish(job, system, &mut whole, exec)?;
+                Self::finish(job, system, &mut whole, exec)?;
                 self.make(job, system, &whole, exec)?
             };
             let was = self.misfit(job, &before);
@@ -113,15 +113,15 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             }
             return self.tighten(job, made, kept, (bound.most, i + 1), Vec::new(), exec);
         }
-        self.finish(job, system, &mut whole, exec)?;
+        Self::finish(job, system, &mut whole, exec)?;
         let made = self.make(job, system, &whole, exec)?;
         self.tighten(job, made, kept, (bound.most, 0), steps, exec)
     }
 
     /// Finds the nodes of a step as well as those of any other.
-    fn finish(&self, job: &Job<'_>, system: &System, step: &mut Step, exec: &Exec) -> Result<(), Error> {
+    fn finish(job: &Job<'_>, system: &System, step: &mut Step, exec: &Exec) -> Result<(), Error> {
         if step.is_rough {
-            *step = self.solve(job, system, Some(std::mem::take(&mut step.nodes)), None, exec)?;
+            *step = Self::solve(job, system, Some(std::mem::take(&mut step.nodes)), None, exec)?;
         }
         Ok(())
     }
@@ -148,10 +148,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let equations = self.under_tension(&tenser, i, kept);
             let step = match known.next() {
                 Some(mut step) => {
-                    self.finish(&tenser, &equations, &mut step, exec)?;
+                    Self::finish(&tenser, &equations, &mut step, exec)?;
                     step
                 }
-                None => self.solve(&tenser, &equations, None, None, exec)?,
+                None => Self::solve(&tenser, &equations, None, None, exec)?,
             };
             let tenser = self.make(&tenser, &equations, &step, exec)?;
             // Not at the price of leaving the lattice behind.
