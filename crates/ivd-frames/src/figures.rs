@@ -31,6 +31,8 @@ pub struct Spot {
     pub at: [Option<[f64; 2]>; 4],
     /// How many slices it lies before or behind each slice.
     pub off: [f64; 3],
+    /// The direction out of the surface about a handle, as it lies at rest; none where it has no side.
+    pub out: Option<[f64; 3]>,
     /// How far the voxels about it have gone (mm): less than the vertex where more would fold. Not told where free forms or steps in space move them as well.
     pub gone: Option<[f64; 3]>,
     /// Whether each pane shows it: a slice that it reaches, the volume where what is seen before it is no further away than its radius.

@@ -110,7 +110,12 @@ impl Panes {
             }
         };
         let point = grid.world(VoxelCoord(self.planes.cross.into())).0;
-        Ok((point.into(), normal.into()))
+        // Half a voxel on the side that goes: the slice itself stays to be seen.
+        let half = self.planes.plane(along).map_or_else(Vector3::zeros, |plane| {
+            let across = normal.normalize();
+            across * (0.5 * grid.linear_part().column(plane.cut()).dot(&across).abs())
+        });
+        Ok(((point - half).into(), normal.into()))
     }
 
     /// The volume's picture; `coarser`: by how many its sides are divided.

@@ -45,7 +45,8 @@ pub enum Axis {
     Y,
     /// Feet to head.
     Z,
-    /// Out of the surface and into it, as it lies at rest. Where it is seen from in front, up presses in and down pulls out.
+    /// Out of the surface and into it, as it lies at rest: with the hand where it is seen from the side; where it is seen from in front, up presses in and down
+    /// pulls out.
     N,
 }
 

@@ -265,7 +265,7 @@ impl Dialog {
             }
             Self::Unsaved(_) => {
                 ui.heading("What was done here is not saved");
-                ui.label("A scene keeps handles, pins, the cut, planes, bones, stiffness, level, how voxels follow, and the colours of classes; it keeps no rulers.");
+                ui.label("A scene keeps handles, pins, the cut, planes, bones, stiffness, level, how voxels follow, colours, rulers and what the slices show.");
                 choice(ui, "Save the scene …", Some("Throw it away"))
             }
             Self::Recover { left, .. } => {
@@ -290,7 +290,9 @@ impl Dialog {
             }
             Self::Keys => {
                 ui.heading("What hands and keys do");
-                ScrollArea::vertical().max_height(420.0).show(ui, |ui| {
+                // As much as there is room for.
+                let room = (ui.ctx().content_rect().height() - 160.0).max(200.0);
+                ScrollArea::vertical().max_height(room).show(ui, |ui| {
                     for (keys, what) in KEYS.iter().chain(&OWN) {
                         ui.strong(*keys);
                         ui.indent(keys, |ui| ui.label(*what));

@@ -28,6 +28,10 @@ const BEHIND: &str = "Further on voxels would fold over one another, so they are
 const WAYS: [[&str; 2]; 3] = [["left", "right"], ["backwards", "forwards"], ["down", "up"]];
 /// ... an axis that it goes along by less of its length (sine of 20°) is left out.
 const ALONG: f64 = 0.34;
+/// What goes within 45° of the way into the surface or out of it goes in or out.
+const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Into the surface.
+const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out. What is typed here goes straight in";
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -65,12 +69,7 @@ impl Window {
             ui.colored_label(ui.visuals().warn_fg_color, text).on_hover_text(VERTEX);
         }
         for one in &figures.handles {
-            let Some(told) = told(one, figures.letters.is_some()) else { continue };
-            let behind = lag(one).is_some();
-            let text = format!("{}: {told}", one.id);
-            let line =
-                if behind { ui.colored_label(ui.visuals().warn_fg_color, text) } else { ui.weak(text) };
-            line.on_hover_text(if behind { BEHIND } else { MOVED });
+            ui.horizontal(|ui| self.into_surface(ui, figures, one));
         }
         for pin in &figures.pins {
             ui.horizontal(|ui| {
@@ -117,13 +116,39 @@ impl Window {
         });
     }
 
+    /// How far a handle goes into the surface, to be typed, and which way that is.
+    fn into_surface(&mut self, ui: &mut Ui, figures: &Figures, one: &Spot) {
+        let id = one.id;
+        ui.weak(format!("{id}:"));
+        if let (Some(by), Some(out)) = (one.by, one.out) {
+            let full = format!("Handle {id}: into the surface, mm");
+            let there = -(0..3).map(|a| by[a] * out[a]).sum::<f64>();
+            let mut into = self.value(&full, unsigned(there));
+            let field = DragValue::new(&mut into).speed(SPEED).fixed_decimals(1).range(-1e6..=1e6);
+            let field = ui.add(field.prefix("in ").update_while_editing(false));
+            let field = field.accessible_name(full.clone()).on_hover_text(INTO);
+            self.turned(&field, (&full, into), || Request::Move { handle: id, by: out.map(|c| -into * c) });
+        }
+        let Some(told) = told(one, figures.letters.is_some()) else { return };
+        let behind = lag(one).is_some();
+        let line = if behind { ui.colored_label(ui.visuals().warn_fg_color, told) } else { ui.weak(told) };
+        line.on_hover_text(if behind { BEHIND } else { MOVED });
+    }
+
     /// A row: the handle, how far it moves or with what force it pulls, and how to be rid of it.
     fn handle(&mut self, ui: &mut Ui, figures: &Figures, one: &Spot) {
         let id = one.id;
         let held = figures.held == Some(id);
         let go =
             ui.add(Button::new(id.to_string()).selected(held)).accessible_name(format!("Go to handle {id}"));
-        if go.on_hover_text(format!("At {} mm; the slices go there", place(one.now))).clicked() {
+        let deletes = [egui::Key::Delete, egui::Key::Backspace];
+        if go.has_focus() && ui.input(|input| deletes.iter().any(|key| input.key_pressed(*key))) {
+            self.ask(Request::Remove { handle: id });
+        }
+        if go
+            .on_hover_text(format!("At {} mm; the slices go there. Delete removes it", place(one.now)))
+            .clicked()
+        {
             self.ask_all(go_to(one));
         }
         let remove = ui.button("×").accessible_name(format!("Remove handle {id}"));
@@ -169,8 +194,17 @@ pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
     along.sort_by(|&a, &b| by[b].abs().total_cmp(&by[a].abs()));
     let ways: Vec<&str> = along.into_iter().map(|a| WAYS[a][usize::from(by[a] > 0.0)]).collect();
     let way = if ways.is_empty() { String::new() } else { format!(" {}", ways.join(" and ")) };
+    let side = one.out.map_or(0.0, |out| (0..3).map(|a| out[a] * by[a]).sum::<f64>() / length(by));
+    let side = if side >= SIDE {
+        " out"
+    } else if side <= -SIDE {
+        " in"
+    } else {
+        ""
+    };
+    let way = if side.is_empty() || way.is_empty() { way } else { format!(",{way}") };
     let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
-    Some(format!("{:.1} mm{way}{voxels}", length(by)))
+    Some(format!("{:.1} mm{side}{way}{voxels}", length(by)))
 }
 
 /// How far voxels have gone (mm), where that is noticeably less than they were told to.
@@ -213,14 +247,16 @@ mod tests {
             radius: 9.0,
             at: [None; 4],
             off: [0.0; 3],
+            out: Some([0.0, 1.0, 0.0]),
             gone: Some(gone),
             seen: [true; 4],
             beside: [false; 4],
         };
         let said = |by, gone| told(&spot(by, gone), true);
-        assert_eq!(said([0.0, -5.0, 0.0], [0.0, -4.9, 0.0]).unwrap(), "5.0 mm backwards");
+        assert_eq!(said([0.0, -5.0, 0.0], [0.0, -4.9, 0.0]).unwrap(), "5.0 mm in, backwards");
+        assert_eq!(said([0.0, 5.0, 4.0], [0.0, 5.0, 4.0]).unwrap(), "6.4 mm out, forwards and up");
         let behind = said([0.0, -5.0, 0.0], [0.0, -2.7, 0.0]).unwrap();
-        assert_eq!(behind, "5.0 mm backwards, voxels there 2.7 mm");
+        assert_eq!(behind, "5.0 mm in, backwards, voxels there 2.7 mm");
         assert_eq!(said([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]).unwrap(), "3.2 mm right");
         assert_eq!(said([-2.0, 0.1, 4.0], [-2.0, 0.1, 4.0]).unwrap(), "4.5 mm up and left");
         assert_eq!(told(&spot([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]), false).unwrap(), "3.2 mm");

@@ -59,6 +59,18 @@ impl Window {
         self.word = Some(Word::of(text));
     }
 
+    /// What a request makes of what is told: what was said of a hand that gives up is over, and a step back or forth is named.
+    pub(crate) fn told_of(&mut self, request: &Request) {
+        let step = |name: fn(&Figures) -> Option<&String>| self.shown.figures().and_then(name).cloned();
+        let word = match request {
+            Request::Abandon => None,
+            Request::Undo => step(|figures| figures.undo.as_ref()).map(|name| format!("Undone: {name}")),
+            Request::Redo => step(|figures| figures.redo.as_ref()).map(|name| format!("Done again: {name}")),
+            _ => return,
+        };
+        self.word = word.map(Word::of);
+    }
+
     /// Takes what the service gave.
     pub(crate) fn receive(&mut self, context: &Context) {
         let Some(work) = &mut self.work else { return };

@@ -7,7 +7,7 @@ use crate::handles::place;
 use crate::window::Window;
 
 /// What a ruler can't say.
-const WITH: &str = "Rulers go with the body. They edit nothing, and no scene keeps them.";
+const WITH: &str = "Rulers go with the body. They edit nothing; scenes keep them.";
 
 impl Window {
     /// Shows the list, while something is measured or may be.

@@ -12,6 +12,8 @@ use crate::window::Window;
 const LEVELS: u8 = 8;
 /// Where stiffness shows.
 const STIFFNESS: &str = "Of springs. It shows where something is pulled with a force, or where matter differs: what is moved goes where the hand is, however stiff all of it is.";
+/// Where it doesn't.
+const NO_STIFFNESS: &str = "By distance alone what is moved goes along less the further it is, however stiff it is. Let the surface follow by springs (below) to make it stiffer, all of it or a class";
 /// What fades.
 const FADES: &str = "How the motion fades from the surface inwards. Not at all: what is inside moves as the surface does, as far as the radius goes.";
 /// How voxels follow.
@@ -97,10 +99,19 @@ impl Window {
             self.turned(&response, ("Radius", radius), request);
         }
         let mut stiffness = self.value("Stiffness", figures.stiffness);
-        let unit = if figures.matter.is_empty() { "N/m" } else { "N/m, where no class has its own" };
-        for response in slider(ui, "Stiffness", unit, &mut stiffness, 1e-2..=STIFFEST, Scale::Ratios) {
+        // By distance alone it shows in what a force pulls.
+        let counts = figures.solver != "ring" || figures.handles.iter().any(|one| one.with.is_some());
+        let unit = match (counts, figures.matter.is_empty()) {
+            (false, _) => "N/m: counts by springs",
+            (true, true) => "N/m",
+            (true, false) => "N/m, where no class has its own",
+        };
+        let responses = ui.add_enabled_ui(counts, |ui| {
+            slider(ui, "Stiffness", unit, &mut stiffness, 1e-2..=STIFFEST, Scale::Ratios)
+        });
+        for response in responses.inner {
             let request = || Request::Stiffness { stiffness };
-            let response = response.on_hover_text(STIFFNESS);
+            let response = response.on_hover_text(STIFFNESS).on_disabled_hover_text(NO_STIFFNESS);
             self.turned(&response, ("Stiffness", stiffness), request);
         }
         self.follows_by(ui, figures);

@@ -204,6 +204,7 @@ impl Window {
 
     /// Asks the service.
     pub(crate) fn ask(&mut self, request: Request) {
+        self.told_of(&request);
         if let Some(work) = &self.work {
             self.pending.ask(&request);
             self.awaited.ask(&request);

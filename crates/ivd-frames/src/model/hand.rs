@@ -29,12 +29,10 @@ const AT_WORK: Duration = Duration::from_millis(200);
 const QUICK: Duration = Duration::from_secs(2);
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
-/// A surface that is seen this nearly from in front is pressed in by a way up, and pulled out by one down (squared sine); ...
-const FACING: f64 = 0.07;
+/// A surface that is seen this nearly from in front is pressed in by a way up, and pulled out by one down (squared sine of 30°); ...
+const FACING: f64 = 0.25;
 /// ... elsewhere it goes with the hand, and so many times as far at most.
 const LONGER: f64 = 2.0;
-/// What of a handle's radius the surface's direction there is a mean over.
-const OUT: f64 = 0.5;
 
 impl Model {
     /// Where what is now at a place was at rest (mm, RAS); see [`ivd_field::place::at_rest`].
@@ -131,7 +129,7 @@ impl Model {
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
         let is_new = taken.is_none();
-        self.drag = Some(Drag { handle, from: at, by, across, is_new, out: None, wanted: by, share: 0.5 });
+        self.drag = Some(Drag { handle, from: at, by, across, is_new, wanted: by, share: 0.5 });
         Ok(())
     }
 
@@ -146,11 +144,8 @@ impl Model {
             None => way,
             Some(Some(axis)) => along(axis, way, normal, END_ON).unwrap_or_default(),
             Some(None) => {
-                drag.out = drag.out.or_else(|| {
-                    let (_, held, _) = self.held()?;
-                    sheet::outwards(self.session.lattice(), &held.at, OUT * held.radius)
-                });
-                let Some(out) = drag.out else {
+                let spot = self.spots.iter().find(|spot| spot.id == drag.handle);
+                let Some(out) = spot.and_then(|spot| spot.out).map(Vector3::from) else {
                     self.refused =
                         Some(self.refusal("the surface has no side there: it has no in and out".to_owned()));
                     return Ok(());

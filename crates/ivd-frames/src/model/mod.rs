@@ -77,6 +77,7 @@ pub struct Model {
     /// How far the lattice goes beyond the scan's edge (mm).
     cut_off_mm: f64,
     hidden: spots::Hidden,
+    sides: sheet::Sides,
     rulers: Vec<rulers::Places>,
     /// Number of the next of them.
     next_ruler: u32,
@@ -100,8 +101,6 @@ struct Drag {
     across: Across,
     /// Whether it was made to be held.
     is_new: bool,
-    /// Out of the surface there, once that was asked for.
-    out: Option<Vector3<f64>>,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
     /// Where that is refused, the share of the way there that is tried next; 0: none is, as it was stopped.
@@ -156,6 +155,7 @@ impl Model {
             pins: Vec::new(),
             cut_off_mm: 0.0,
             hidden: spots::Hidden::default(),
+            sides: sheet::Sides::default(),
             rulers: Vec::new(),
             next_ruler: 0,
             versions: [1; 4],

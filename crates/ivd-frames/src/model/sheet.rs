@@ -20,10 +20,39 @@ pub(super) fn anchor(lattice: &Lattice, place: [f64; 3]) -> Anchor {
     }
 }
 
-/// The direction out of the surface at rest about an anchor's vertex: a mean over the triangles within a radius (mm) that face as those at the vertex do; `None` where
+/// What of a handle's radius the surface's direction there is a mean over.
+const OUT: f64 = 0.5;
+
+/// Directions out of the surface at rest about handles: they stay while vertices and radii do.
+#[derive(Debug, Default)]
+pub(super) struct Sides {
+    /// The level that they are of.
+    level: u8,
+    /// By vertex and radius (mm).
+    known: Vec<((usize, f64), Option<[f64; 3]>)>,
+}
+
+impl Sides {
+    /// Finds those of vertices with their handles' radii that aren't known, and forgets others.
+    pub(super) fn keep(&mut self, lattice: &Lattice, level: u8, handles: impl Iterator<Item = (usize, f64)>) {
+        let before = std::mem::take(&mut self.known);
+        let before = if level == self.level { before } else { Vec::new() };
+        let of = |handle: (usize, f64)| {
+            let known = before.iter().find(|(known, _)| *known == handle).map(|(_, out)| *out);
+            (handle, known.unwrap_or_else(|| outwards(lattice, handle.0, OUT * handle.1).map(Into::into)))
+        };
+        (self.level, self.known) = (level, handles.map(of).collect());
+    }
+
+    /// Out of the surface about a vertex.
+    pub(super) fn out(&self, vertex: usize, radius: f64) -> Option<[f64; 3]> {
+        self.known.iter().find(|(known, _)| *known == (vertex, radius))?.1
+    }
+}
+
+/// The direction out of the surface at rest about a vertex: a mean over the triangles within a radius (mm) that face as those at the vertex do; `None` where
 /// it has no side.
-pub(super) fn outwards(lattice: &Lattice, anchor: &Anchor, radius: f64) -> Option<Vector3<f64>> {
-    let vertex = find_picks(lattice, "handle", [anchor]).ok()?.first()?.vertex;
+fn outwards(lattice: &Lattice, vertex: usize, radius: f64) -> Option<Vector3<f64>> {
     let at = lattice.local_positions();
     let facing = |triangle: &[u32; 3]| facing(triangle.map(|v| at[v as usize]));
     let triangles = lattice.triangles();

@@ -24,6 +24,11 @@ impl Model {
         let settings = self.session.settings();
         let lattice = self.session.lattice();
         let picks = find_picks(lattice, "handle", settings.handles.iter().map(|one| &one.at))?;
+        self.sides.keep(
+            lattice,
+            settings.level,
+            picks.iter().zip(&settings.handles).map(|(pick, one)| (pick.vertex, one.radius)),
+        );
         let alone = settings.space.is_empty() && settings.shapes.is_empty();
         let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
             let now = self.now_at(&pick);
@@ -42,6 +47,7 @@ impl Model {
                 radius: one.radius,
                 at: [None; 4],
                 off: [0.0; 3],
+                out: self.sides.out(pick.vertex, one.radius),
                 gone: alone.then(|| std::array::from_fn(|a| voxels[a] - pick.at[a])),
                 seen: [false; 4],
                 beside: [false; 4],
@@ -59,6 +65,7 @@ impl Model {
             radius: one.radius,
             at: [None; 4],
             off: [0.0; 3],
+            out: None,
             gone: None,
             seen: [false; 4],
             beside: [false; 4],

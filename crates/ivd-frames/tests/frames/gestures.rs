@@ -70,6 +70,7 @@ fn a_press_from_in_front_goes_in_and_beside_it_the_same_key_follows_the_pointer(
     let handle = &pressed.handles[0];
     let (by, out) = (Vector3::from(handle.by.unwrap()), Vector3::from(handle.rest) - Vector3::repeat(16.0));
     assert!(by.norm() > 1.0 && by.dot(&out) < -0.98 * by.norm() * out.norm(), "in: {by:?} of {out:?}");
+    assert!(by.dot(&Vector3::from(handle.out.unwrap())) < -0.999_999 * by.norm(), "as it is told");
     // As far as the pointer has gone over the picture.
     assert!(
         (by.norm() / (0.05 * pressed.width_mm) - 1.0).abs() < 1e-6,

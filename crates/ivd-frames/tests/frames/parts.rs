@@ -146,6 +146,9 @@ fn a_plane_keeps_what_lies_behind_it_and_is_moved_turned_and_taken_away() {
     assert_eq!((told.refused, told.clips.len()), (None, 1));
     let ClipPart::Plane(plane) = told.clips[0].part else { panic!("a plane") };
     assert!(plane.normal[1] < 0.0 && value(&model, 20) == 0.0 && value(&model, 12) > 0.0);
+    // The slice that it lies along stays to be seen.
+    let slice = told.slices[1].slice;
+    assert!(value(&model, slice) > 0.0 && value(&model, slice + 1) == 0.0 && !told.slices[1].clipped);
     let moved = HalfSpace { point: [16.0, 22.0, 16.0], ..plane };
     follow(&mut model, &Request::Adjust);
     follow(&mut model, &Request::MoveClip { clip: 0, part: ClipPart::Plane(moved) });

@@ -92,6 +92,32 @@ fn a_session_needs_no_pointer() {
 }
 
 #[test]
+fn a_press_is_typed_as_how_far_it_goes_in_and_a_key_removes_it() {
+    let mut here = Here::ball();
+    tab_to(&mut here, "Place of a new handle, at rest, mm");
+    typed(&mut here, "16, 28, 16");
+    here.told("a handle", |told| told.handles.len() == 1);
+    tab_to(&mut here, "Handle 0: into the surface, mm");
+    typed(&mut here, "1.5");
+    let told = here.told("it goes in", |told| told.handles[0].by.is_some_and(|by| by[1] < -1.4));
+    let (by, out) = (told.handles[0].by.unwrap(), told.handles[0].out.unwrap());
+    let along: f64 = (0..3).map(|a| by[a] * out[a]).sum();
+    assert!((along + 1.5).abs() < 1e-9 && by.iter().all(|c| c.abs() <= 1.5), "{by:?}");
+    here.harness.step();
+    assert!(here.has("1.5 mm in"), "which way it goes is told");
+    // A step back is named.
+    here.harness.key_press(Key::Escape);
+    here.harness.step();
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    here.told("it is undone", |told| told.handles[0].by == Some([0.0; 3]));
+    here.harness.step();
+    assert!(here.has("Undone: move a handle"));
+    tab_to(&mut here, "Go to handle 0");
+    here.harness.key_press(Key::Delete);
+    here.told("it is gone", |told| told.handles.is_empty());
+}
+
+#[test]
 fn the_list_of_keys_comes_by_a_key_and_goes_by_one() {
     let mut here = Here::ball();
     here.harness.key_press(Key::Questionmark);
