@@ -302,6 +302,8 @@ pub struct Figures {
     pub solver: &'static str,
     /// Stiffness (N/m).
     pub stiffness: f64,
+    /// Whether it shows: by distance alone where something is pulled with a force.
+    pub stiffness_counts: bool,
     /// Classes along the lattice that may be stiffer than others; none where classes aren't known, or the lattice follows by rings.
     pub matter: Vec<Matter>,
     /// Whether classes are known.

@@ -56,9 +56,11 @@ impl Region {
     /// before.
     ///
     /// - `least`: the smallest margin (mm).
+    ///
+    /// Its depth says nothing.
     pub(super) fn shared(&self, band: &Band, least: f64) -> Self {
         if band.margin.is_some() {
-            return self.clone();
+            return Self { depth: 0.0, ..self.clone() };
         }
         let steps = (2.0 * (self.margin / least).log2()).ceil().max(0.0);
         Self { balls: self.balls.clone(), margin: self.margin.max(least * (0.5 * steps).exp2()), depth: 0.0 }

@@ -77,7 +77,7 @@ impl Op for BiharmonicParams {
     type Figures = MapFigures;
 
     fn memory(&self) -> Option<Memory> {
-        Some(Memory { voxel: 0, reached: by_cell(self.cell, [360, 55, 40]), triangle: 300 })
+        Some(Memory { voxel: 0, reached: by_cell(self.cell, [800, 120, 50]), triangle: 300 })
     }
 
     fn check_together(&self) -> Result<(), ParamError> {

@@ -31,7 +31,7 @@ const ALONG: f64 = 0.34;
 /// What goes within 45° of the way into the surface or out of it goes in or out.
 const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Into the surface.
-const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out. What is typed here goes straight in";
+const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out. What it goes aside stays";
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -123,11 +123,14 @@ impl Window {
         if let (Some(by), Some(out)) = (one.by, one.out) {
             let full = format!("Handle {id}: into the surface, mm");
             let there = -(0..3).map(|a| by[a] * out[a]).sum::<f64>();
-            let mut into = self.value(&full, unsigned(there));
+            let shown = self.value(&full, unsigned(there));
+            let mut into = shown;
             let field = DragValue::new(&mut into).speed(SPEED).fixed_decimals(1).range(-1e6..=1e6);
             let field = ui.add(field.prefix("in ").update_while_editing(false));
-            let field = field.accessible_name(full.clone()).on_hover_text(INTO);
-            self.turned(&field, (&full, into), || Request::Move { handle: id, by: out.map(|c| -into * c) });
+            let mut field = field.accessible_name(full.clone()).on_hover_text(INTO);
+            unless_rounded(&mut field, shown, into, 0.05);
+            let by = std::array::from_fn(|a| by[a] + (there - into) * out[a]);
+            self.turned(&field, (&full, into), || Request::Move { handle: id, by });
         }
         let Some(told) = told(one, figures.letters.is_some()) else { return };
         let behind = lag(one).is_some();
@@ -141,12 +144,24 @@ impl Window {
         let held = figures.held == Some(id);
         let go =
             ui.add(Button::new(id.to_string()).selected(held)).accessible_name(format!("Go to handle {id}"));
-        let deletes = [egui::Key::Delete, egui::Key::Backspace];
-        if go.has_focus() && ui.input(|input| deletes.iter().any(|key| input.key_pressed(*key))) {
+        // Not as often as a key that is held repeats: the next row's button may have it then.
+        let deletes = |event: &egui::Event| {
+            let egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } = event else {
+                return false;
+            };
+            [egui::Key::Delete, egui::Key::Backspace].contains(key) && modifiers.is_none()
+        };
+        if go.has_focus() && ui.input(|input| input.events.iter().any(deletes)) {
             self.ask(Request::Remove { handle: id });
         }
+        if go.clicked() {
+            go.request_focus();
+        }
         if go
-            .on_hover_text(format!("At {} mm; the slices go there. Delete removes it", place(one.now)))
+            .on_hover_text(format!(
+                "At {} mm; the slices go there, and Delete removes it then",
+                place(one.now)
+            ))
             .clicked()
         {
             self.ask_all(go_to(one));
@@ -160,11 +175,13 @@ impl Window {
         let mut told = one.with.or(one.by).unwrap_or_default().map(unsigned);
         for (axis, name) in AXES.into_iter().enumerate() {
             let full = format!("Handle {id}: {name}, {unit}");
-            told[axis] = self.value(&full, told[axis]);
+            let shown = self.value(&full, told[axis]);
+            told[axis] = shown;
             let field = DragValue::new(&mut told[axis]).speed(SPEED).max_decimals(2).range(-1e6..=1e6);
             let field = if pulls { field.suffix(" mN") } else { field };
             let field = ui.add(field.update_while_editing(false));
-            let field = field.accessible_name(full.clone());
+            let mut field = field.accessible_name(full.clone());
+            unless_rounded(&mut field, shown, told[axis], 5e-3);
             self.turned(&field, (&full, told[axis]), || {
                 if pulls {
                     Request::Pull { handle: id, with: told }
@@ -178,6 +195,13 @@ impl Window {
         let field = DragValue::new(&mut radius).speed(SPEED).max_decimals(1).range(1e-3..=1e6);
         let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
         self.turned(&field, (&full, radius), || Request::Radius { handle: Some(id), radius });
+    }
+}
+
+/// A field that is left gives its number as it is written, with fewer digits: that changes nothing. `least`: half of the last digit.
+fn unless_rounded(field: &mut egui::Response, shown: f64, now: f64, least: f64) {
+    if !field.dragged() && (now - shown).abs() <= least * 1.001 {
+        field.flags.remove(egui::response::Flags::CHANGED);
     }
 }
 

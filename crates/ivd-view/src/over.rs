@@ -22,6 +22,11 @@ const LETTERS: f32 = 13.0;
 /// Where letters stand along the edges (points).
 const EDGE: f32 = 24.0;
 
+/// A length keeps off its line by so much (points), ...
+const CLEAR: f32 = 6.0;
+/// ... above it where that rises by less than this share of its way, else to its right.
+const FLAT: f32 = 0.35;
+
 /// Width and height of what tells colours apart (points), and into how many it is divided.
 const LEGEND: Vec2 = vec2(100.0, 8.0);
 const SHADES: usize = 25;
@@ -208,17 +213,12 @@ impl Over<'_> {
             let dark = Color32::BLACK.gamma_multiply(if faint { 0.2 } else { 0.6 });
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(4.0, dark));
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(1.5, colour));
-            // Beside the line, to its right or, where that lies flat, above it.
-            let along = (pair[1] - pair[0]).normalized();
-            let (across, align) = if along.x.abs() > along.y.abs() {
-                (vec2(0.0, -8.0), Align2::CENTER_BOTTOM)
-            } else {
-                // Square to it, to the right.
-                (8.0 * vec2(along.y.abs(), -along.x * along.y.signum()), Align2::LEFT_CENTER)
-            };
-            let at = pair[0] + 0.5 * (pair[1] - pair[0]) + across;
             if !faint {
-                self.write(at, align, mm(figures, ruler, leg), LETTERS, colour);
+                let text = mm(figures, ruler, leg);
+                let font = FontId::proportional(LETTERS);
+                let size = self.painter.layout_no_wrap(text.clone(), font, colour).size();
+                let (off, align) = beside(pair[1] - pair[0], size);
+                self.write(pair[0] + 0.5 * (pair[1] - pair[0]) + off, align, text, LETTERS, colour);
             }
         }
         for end in &ends {
@@ -336,6 +336,16 @@ pub(crate) fn name(pane: Pane) -> &'static str {
         Pane::Axial => "Axial",
         Pane::Coronal => "Coronal",
         Pane::Sagittal => "Sagittal",
+    }
+}
+
+/// Where a text of a size stands beside the middle of a line, clear of it: above a flat one, to the right of others.
+fn beside(way: Vec2, size: Vec2) -> (Vec2, Align2) {
+    let [flat, steep] = [way.x.abs().max(1e-3), way.y.abs().max(1e-3)];
+    if steep < FLAT * flat {
+        (vec2(0.0, -(CLEAR + 0.5 * size.x * steep / flat)), Align2::CENTER_BOTTOM)
+    } else {
+        (vec2(CLEAR + 0.5 * size.y * flat / steep, 0.0), Align2::LEFT_CENTER)
     }
 }
 

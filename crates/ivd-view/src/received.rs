@@ -59,16 +59,31 @@ impl Window {
         self.word = Some(Word::of(text));
     }
 
-    /// What a request makes of what is told: what was said of a hand that gives up is over, and a step back or forth is named.
+    /// What a request makes of what is told: what was said of a hand that gives up is over.
     pub(crate) fn told_of(&mut self, request: &Request) {
-        let step = |name: fn(&Figures) -> Option<&String>| self.shown.figures().and_then(name).cloned();
-        let word = match request {
-            Request::Abandon => None,
-            Request::Undo => step(|figures| figures.undo.as_ref()).map(|name| format!("Undone: {name}")),
-            Request::Redo => step(|figures| figures.redo.as_ref()).map(|name| format!("Done again: {name}")),
+        match request {
+            Request::Abandon => self.word = None,
+            Request::Undo | Request::Redo => self.steps = true,
+            _ => {}
+        }
+    }
+
+    /// Names the step that was undone or done again, once it is.
+    fn stepped(&mut self, now: &Figures) {
+        if !std::mem::take(&mut self.steps) {
+            return;
+        }
+        let Some(was) = self.shown.figures() else { return };
+        let told = match (&now.redo, &now.undo) {
+            (Some(undone), _) if was.redo != now.redo && was.undo.as_ref() == Some(undone) => {
+                format!("Undone: {undone}")
+            }
+            (_, Some(done)) if was.undo != now.undo && was.redo.as_ref() == Some(done) => {
+                format!("Redone: {done}")
+            }
             _ => return,
         };
-        self.word = word.map(Word::of);
+        self.say(told);
     }
 
     /// Takes what the service gave.
@@ -88,6 +103,9 @@ impl Window {
             work.is_shown(frame.figures.missed.is_empty());
             let answered = self.asked.take_if(|waits| waits.is_answered(frame.followed));
             let answers = answered.is_some_and(|waits| waits.changes());
+            if answers {
+                self.stepped(&frame.figures);
+            }
             self.made_again(&frame.figures);
             self.pending.shown(&frame.figures);
             if self.asked.is_none() {

@@ -13,7 +13,7 @@ const LEVELS: u8 = 8;
 /// Where stiffness shows.
 const STIFFNESS: &str = "Of springs. It shows where something is pulled with a force, or where matter differs: what is moved goes where the hand is, however stiff all of it is.";
 /// Where it doesn't.
-const NO_STIFFNESS: &str = "By distance alone what is moved goes along less the further it is, however stiff it is. Let the surface follow by springs (below) to make it stiffer, all of it or a class";
+const NO_STIFFNESS: &str = "By distance alone the surface goes where the hand is, however stiff it is. Let it follow by springs (below) to make all of it stiffer, or one class";
 /// What fades.
 const FADES: &str = "How the motion fades from the surface inwards. Not at all: what is inside moves as the surface does, as far as the radius goes.";
 /// How voxels follow.
@@ -99,10 +99,9 @@ impl Window {
             self.turned(&response, ("Radius", radius), request);
         }
         let mut stiffness = self.value("Stiffness", figures.stiffness);
-        // By distance alone it shows in what a force pulls.
-        let counts = figures.solver != "ring" || figures.handles.iter().any(|one| one.with.is_some());
+        let counts = figures.stiffness_counts;
         let unit = match (counts, figures.matter.is_empty()) {
-            (false, _) => "N/m: counts by springs",
+            (false, _) => "N/m, used with springs",
             (true, true) => "N/m",
             (true, false) => "N/m, where no class has its own",
         };

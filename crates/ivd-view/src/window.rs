@@ -70,6 +70,8 @@ pub struct Window {
     /// What is done until an answer comes, and since when.
     pub(crate) asked: Option<Waits>,
     pub(crate) word: Option<Word>,
+    /// Whether a step back or forth was asked for, to be named.
+    pub(crate) steps: bool,
     /// To be opened as soon as there is a window.
     first: Option<Source>,
     /// Size that the volume's pane asks for, since when, and whether it was asked for.
@@ -108,6 +110,7 @@ impl Window {
             notes: Vec::new(),
             asked: None,
             word: None,
+            steps: false,
             first,
             size: ([0; 2], 0.0, true),
             lost: false,

@@ -129,7 +129,7 @@ impl Model {
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
         let is_new = taken.is_none();
-        self.drag = Some(Drag { handle, from: at, by, across, is_new, wanted: by, share: 0.5 });
+        self.drag = Some(Drag { handle, from: at, by, across, is_new, out: None, wanted: by, share: 0.5 });
         Ok(())
     }
 
@@ -144,8 +144,9 @@ impl Model {
             None => way,
             Some(Some(axis)) => along(axis, way, normal, END_ON).unwrap_or_default(),
             Some(None) => {
-                let spot = self.spots.iter().find(|spot| spot.id == drag.handle);
-                let Some(out) = spot.and_then(|spot| spot.out).map(Vector3::from) else {
+                let spot = || self.spots.iter().find(|spot| spot.id == drag.handle);
+                drag.out = drag.out.or_else(|| Some(spot()?.out?.into()));
+                let Some(out) = drag.out else {
                     self.refused =
                         Some(self.refusal("the surface has no side there: it has no in and out".to_owned()));
                     return Ok(());

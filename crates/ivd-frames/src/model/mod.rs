@@ -101,6 +101,8 @@ struct Drag {
     across: Across,
     /// Whether it was made to be held.
     is_new: bool,
+    /// Out of the surface there, once that was asked for: it stays for the drag.
+    out: Option<Vector3<f64>>,
     /// Where it was wanted last.
     wanted: Vector3<f64>,
     /// Where that is refused, the share of the way there that is tried next; 0: none is, as it was stopped.

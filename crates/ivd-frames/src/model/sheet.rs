@@ -23,13 +23,19 @@ pub(super) fn anchor(lattice: &Lattice, place: [f64; 3]) -> Anchor {
 /// What of a handle's radius the surface's direction there is a mean over.
 const OUT: f64 = 0.5;
 
+/// Out of the surface about a vertex, over a radius (mm); none where it has no side.
+#[derive(Debug, Clone, Copy)]
+struct Side {
+    of: (usize, f64),
+    out: Option<[f64; 3]>,
+}
+
 /// Directions out of the surface at rest about handles: they stay while vertices and radii do.
 #[derive(Debug, Default)]
 pub(super) struct Sides {
     /// The level that they are of.
     level: u8,
-    /// By vertex and radius (mm).
-    known: Vec<((usize, f64), Option<[f64; 3]>)>,
+    known: Vec<Side>,
 }
 
 impl Sides {
@@ -37,23 +43,27 @@ impl Sides {
     pub(super) fn keep(&mut self, lattice: &Lattice, level: u8, handles: impl Iterator<Item = (usize, f64)>) {
         let before = std::mem::take(&mut self.known);
         let before = if level == self.level { before } else { Vec::new() };
-        let of = |handle: (usize, f64)| {
-            let known = before.iter().find(|(known, _)| *known == handle).map(|(_, out)| *out);
-            (handle, known.unwrap_or_else(|| outwards(lattice, handle.0, OUT * handle.1).map(Into::into)))
+        let mut at = Vec::new();
+        let of = |of: (usize, f64)| {
+            before.iter().find(|known| known.of == of).copied().unwrap_or_else(|| {
+                if at.is_empty() {
+                    at = lattice.local_positions();
+                }
+                Side { of, out: outwards(lattice, &at, of.0, OUT * of.1).map(Into::into) }
+            })
         };
         (self.level, self.known) = (level, handles.map(of).collect());
     }
 
     /// Out of the surface about a vertex.
     pub(super) fn out(&self, vertex: usize, radius: f64) -> Option<[f64; 3]> {
-        self.known.iter().find(|(known, _)| *known == (vertex, radius))?.1
+        self.known.iter().find(|known| known.of == (vertex, radius))?.out
     }
 }
 
 /// The direction out of the surface at rest about a vertex: a mean over the triangles within a radius (mm) that face as those at the vertex do; `None` where
 /// it has no side.
-fn outwards(lattice: &Lattice, vertex: usize, radius: f64) -> Option<Vector3<f64>> {
-    let at = lattice.local_positions();
+fn outwards(lattice: &Lattice, at: &[Vector3<f64>], vertex: usize, radius: f64) -> Option<Vector3<f64>> {
     let facing = |triangle: &[u32; 3]| facing(triangle.map(|v| at[v as usize]));
     let triangles = lattice.triangles();
     let own: Vector3<f64> =

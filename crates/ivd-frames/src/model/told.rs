@@ -16,9 +16,10 @@ impl Figures {
         let grid = volume.grid();
         let lettered = grid.in_patient();
         let cross: [f64; 3] = grid.world(VoxelCoord(panes.planes.cross.into())).0.into();
-        let (solver, stiffness) = match &settings.physics {
-            Physics::Ring(params) => ("ring", params.stiffness),
-            Physics::Springs(params) => ("springs", params.springs.stiffness),
+        let pulls = model.spots.iter().any(|one| one.with.is_some());
+        let (solver, stiffness, stiffness_counts) = match &settings.physics {
+            Physics::Ring(params) => ("ring", params.stiffness, params.literal || pulls),
+            Physics::Springs(params) => ("springs", params.springs.stiffness, true),
         };
         let map = match &settings.map {
             MapChoice::Octree(_) => "octree",
@@ -61,6 +62,7 @@ impl Figures {
             vertices: session.lattice().keys().len(),
             solver,
             stiffness,
+            stiffness_counts,
             matter: model.matter(),
             knows_classes: model.subject.labels.is_some(),
             map,

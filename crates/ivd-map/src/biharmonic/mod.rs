@@ -40,8 +40,8 @@
 //!
 //! # Cost
 //!
-//! Everything goes by the nodes and bricks of Ω. The equations are the same for all frames of a drag whose balls and margin
-//! stay; [`Biharmonic`] keeps them, and starts from the last frame's nodes.
+//! Everything goes by the nodes and bricks of Ω. The equations are the same for all frames whose balls stay and whose margins are
+//! about as wide; [`Biharmonic`] keeps those of several widths for a drag. Frame after frame of a motion it starts from the last one's nodes.
 //!
 //! Sources: thin-plate splines (Duchon 1977), their discrete energy on grids and its natural border (Stein, Grinspun,
 //! Wardetzky & Jacobson 2018); biharmonic deformation (Botsch & Kobbelt 2004).
@@ -94,10 +94,10 @@ const SMALLEST: f64 = 1.0 / 16.0;
 const ONE_WAY: f64 = 0.95;
 /// How far a voxel may move, relative to the largest motion of what is followed.
 const OVERSHOOT: f64 = 1.02;
-/// Nodes of other regions whose equations a drag keeps: some 5 kB each.
+/// Nodes of other regions whose equations a drag keeps: some 8 kB each.
 const KEPT: usize = 20_000;
 
-/// A lattice, ready to be mapped frame by frame; keeps the last frame's equations and nodes.
+/// A lattice, ready to be mapped frame by frame; keeps equations and the last frame's nodes.
 pub struct Biharmonic<L> {
     lattice: L,
     /// Vertices, then inner points of rigid parts (voxels), and relative to the grid's origin (mm).
@@ -230,7 +230,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         exec.run(|| {
             self.take_inner(motion.inner());
             self.take_roles(motion);
-            let kept = std::mem::take(&mut self.kept);
             let grid = self.lattice.grid();
             let region = Region::new(motion, frame, &self.positions, &params.band, None);
             let bricks = moving_bricks(grid, &region, frame, exec)?;
@@ -272,11 +271,19 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 edge: params.cell,
                 tension: 0.0,
             };
-            let mut last = self.equations(kept, &job, exec)?;
-            let made = self.follow(&job, &mut last[0], exec)?;
-            let outcome = settled(&settle, made, exec)?;
-            self.kept = last;
-            Ok(outcome)
+            let mut kept = std::mem::take(&mut self.kept);
+            let outcome = self
+                .equations(&mut kept, &job, exec)
+                .and_then(|()| self.follow(&job, &mut kept[0], exec))
+                .and_then(|made| settled(&settle, made, exec));
+            if outcome.is_err() {
+                // Another try begins as if there had been none.
+                for last in &mut kept {
+                    last.nodes.clear();
+                }
+            }
+            self.kept = kept;
+            outcome
         })
     }
 
@@ -305,12 +312,12 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         }
     }
 
-    /// The equations of a job's room before those of the last frames: the same ones where it had one of their rooms, else new ones that start from the last
+    /// Brings the equations of a job's room before those of the last frames: the same ones where it had one of their rooms, else new ones that start from the last
     /// nodes.
-    fn equations(&self, mut kept: Vec<Last>, job: &Job<'_>, exec: &Exec) -> Result<Vec<Last>, Error> {
+    fn equations(&self, kept: &mut Vec<Last>, job: &Job<'_>, exec: &Exec) -> Result<(), Error> {
         if let Some(at) = kept.iter().position(|last| last.region == *job.room && last.edge == job.edge) {
             kept[..=at].rotate_right(1);
-            return Ok(kept);
+            return Ok(());
         }
         let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
         // Rows of the matrix and its levels, mostly of 60 entries.
@@ -323,7 +330,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         });
         let system = self.system(cells, job.room, &self.voxels, 0.0);
         kept.insert(0, Last { region: job.room.clone(), edge: job.edge, system, nodes, tense: Vec::new() });
-        let mut left = if self.keeps { KEPT } else { 0 };
+        // Where memory is limited, it isn't spent on what may not be asked for again.
+        let mut left = if self.keeps && exec.memory_limit.is_none() { KEPT } else { 0 };
         let fits = |last: &Last| {
             let many = last.system.cells.nodes.free.len();
             left = left.checked_sub(many)?;
@@ -331,7 +339,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         };
         let many = 1 + kept[1..].iter().map_while(fits).count();
         kept.truncate(many);
-        Ok(kept)
+        Ok(())
     }
 
     /// The field of a frame; the nodes are kept. Where vertices go one way and a voxel goes further than any of them, as bent plates do beside
@@ -345,12 +353,13 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             Bound { most, nodes }
         });
         let start = Some(std::mem::take(&mut last.nodes)).filter(|nodes| !nodes.is_empty());
-        let whole = Self::solve(job, &last.system, start, bound.as_ref(), exec)?;
-        last.nodes.clone_from(&whole.nodes);
-        match bound {
-            Some(bound) => self.bounded(job, (&last.system, whole), &mut last.tense, &bound, exec),
+        let mut whole = Self::solve(job, &last.system, start, bound.as_ref(), exec)?;
+        let made = match bound {
+            Some(bound) => self.bounded(job, (&last.system, &mut whole), &mut last.tense, &bound, exec),
             None => self.make(job, &last.system, &whole, exec),
-        }
+        };
+        last.nodes = whole.nodes;
+        made
     }
 
     /// The equations in which what lies at `voxels` is followed; `tension`: a membrane's weight beside the bending.

@@ -50,6 +50,8 @@ pub(super) struct Solution {
     pub(super) iterations: u32,
     /// `|b − A x| / |b|`.
     pub(super) residual: f64,
+    /// Whether it isn't found as well as was asked, and is enough.
+    pub(super) is_enough: bool,
 }
 
 impl Hierarchy {
@@ -98,7 +100,7 @@ impl Hierarchy {
         b: &[Triple],
         start: Vec<Triple>,
         tolerance: f64,
-        enough: impl Fn(&[Triple], f64) -> bool,
+        mut enough: impl FnMut(&[Triple], f64) -> bool,
         exec: &Exec,
     ) -> Result<Solution, Error> {
         let norm = |v: &[Triple]| dot(v, v).iter().sum::<f64>().sqrt();
@@ -110,7 +112,12 @@ impl Hierarchy {
         let mut rz = [0.0; 3];
         let mut iterations = 0;
         let mut residual = norm(&r);
-        while residual > tolerance * whole && iterations < ITERATIONS && !enough(&x, residual / whole) {
+        let mut is_enough = false;
+        while residual > tolerance * whole && iterations < ITERATIONS {
+            is_enough = enough(&x, residual / whole);
+            if is_enough {
+                break;
+            }
             exec.check_cancelled()?;
             let z = self.precondition(&r, residual);
             let next = dot(&r, &z);
@@ -132,7 +139,8 @@ impl Hierarchy {
             residual = norm(&r);
             iterations += 1;
         }
-        Ok(Solution { values: x, iterations, residual: if whole > 0.0 { residual / whole } else { 0.0 } })
+        let residual = if whole > 0.0 { residual / whole } else { 0.0 };
+        Ok(Solution { values: x, iterations, residual, is_enough })
     }
 
     /// An approximate `A⁻¹ r`, in single precision: what it errs in, the next iteration takes up. `size`: about how long `r` is.

@@ -65,14 +65,14 @@ impl<'a> Aim<'a> {
 pub(super) struct Step {
     /// Values of the free nodes (mm); empty where nothing is left.
     pub(super) nodes: Vec<Triple>,
-    iterations: u32,
+    pub(super) iterations: u32,
     residual: f64,
-    /// Whether its nodes are no more than what shows that they go too far.
+    /// Whether its nodes are no more than what tells that they go too far.
     pub(super) is_rough: bool,
 }
 
 impl Step {
-    /// Finds the nodes, to a residual relative to the equations' right-hand side; no better than shows that they go beyond the bound, where they do.
+    /// Finds the nodes, to a residual relative to the equations' right-hand side; no better than tells that they go beyond the bound, where they do.
     ///
     /// # Errors
     /// Cancellation.
@@ -86,10 +86,18 @@ impl Step {
         if !aim.leaves_any {
             return Ok(Self::default());
         }
-        let enough = |nodes: &[Triple], residual| bound.is_some_and(|b| b.rules_out(nodes, residual));
-        let found = system.solve(&aim.rest, start, tolerance, enough, exec)?;
-        let is_rough = found.residual > tolerance && enough(&found.values, found.residual);
-        Ok(Self { nodes: found.values, iterations: found.iterations, residual: found.residual, is_rough })
+        let mut last = f64::INFINITY;
+        // All of it is found where nothing is to be skipped.
+        let mut enough = |nodes: &[Triple], residual| {
+            bound.filter(|_| exec.skip).is_some_and(|bound| bound.rules_out(nodes, residual, &mut last))
+        };
+        let found = system.solve(&aim.rest, start, tolerance, &mut enough, exec)?;
+        Ok(Self {
+            nodes: found.values,
+            iterations: found.iterations,
+            residual: found.residual,
+            is_rough: found.is_enough,
+        })
     }
 
     pub(super) fn field<'a>(

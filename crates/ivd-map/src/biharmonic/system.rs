@@ -95,7 +95,7 @@ impl System {
         motions: &[Vector3<f64>],
         start: Option<Vec<Triple>>,
         tolerance: f64,
-        enough: impl Fn(&[Triple], f64) -> bool,
+        enough: impl FnMut(&[Triple], f64) -> bool,
         exec: &Exec,
     ) -> Result<Solution, Error> {
         let right = self.right_side(motions);

@@ -16,9 +16,11 @@ use crate::Error;
 /// Weights of a membrane's energy beside the bending, in units of their diagonals.
 const TENSIONS: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
 
-/// How far nodes must go beyond the bound to be ruled out, by the residual of their equations.
-const SURE: f64 = 10.0;
-/// Residual from which on nodes are asked how far they go.
+/// Nodes are ruled out that go beyond the bound by this many times what the last iteration has changed of how far they go, ...
+const CHANGES: f64 = 4.0;
+/// ... and by this many times the residual of their equations, ...
+const RESIDUALS: f64 = 10.0;
+/// ... from this residual on.
 const ROUGH: f64 = 1e-2;
 
 /// How far what is inside may go (mm).
@@ -29,9 +31,13 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    /// Whether nodes with such a residual go further, and would if they were found better.
-    pub(super) fn rules_out(&self, nodes: &[Triple], residual: f64) -> bool {
-        residual <= ROUGH && self.reach(nodes) > self.most * (1.0 + SURE * residual)
+    /// Whether nodes with such a residual go further, and would if they were found better, as far as can be told.
+    ///
+    /// - `last`: how far those of the iteration before went.
+    pub(super) fn rules_out(&self, nodes: &[Triple], residual: f64, last: &mut f64) -> bool {
+        let reach = self.reach(nodes);
+        let changed = (reach - std::mem::replace(last, reach)).abs();
+        residual <= ROUGH && reach > self.most + (CHANGES * changed).max(RESIDUALS * residual * self.most)
     }
 
     /// How far those go (mm), a voxel's digits apart.
@@ -65,14 +71,14 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     pub(super) fn bounded(
         &self,
         job: &Job<'_>,
-        (system, mut whole): (&System, Step),
+        (system, whole): (&System, &mut Step),
         kept: &mut Vec<System>,
         bound: &Bound,
         exec: &Exec,
     ) -> Result<Made, Error> {
         let goes_on = |step: &Step| step.is_rough || bound.reach(&step.nodes) > bound.most;
-        if !goes_on(&whole) {
-            let made = self.make(job, system, &whole, exec)?;
+        if !goes_on(whole) {
+            let made = self.make(job, system, whole, exec)?;
             return self.tighten(job, made, kept, (bound.most, 0), Vec::new(), exec);
         }
         let mut steps: Vec<Step> = Vec::new();
@@ -81,8 +87,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             exec.check_cancelled()?;
             let tenser = under(job, i);
             let equations = self.under_tension(&tenser, i, kept);
-            let start = steps.last().unwrap_or(&whole).nodes.clone();
-            let step = Self::solve(&tenser, &equations, Some(start), Some(bound), exec)?;
+            let step = Self::solve(&tenser, &equations, None, Some(bound), exec)?;
             if goes_on(&step) {
                 steps.push(step);
                 continue;
@@ -100,8 +105,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 Self::finish(&job, &equations, looser, exec)?;
                 self.make(&job, &equations, looser, exec)?
             } else {
-                Self::finish(job, system, &mut whole, exec)?;
-                self.make(job, system, &whole, exec)?
+                Self::finish(job, system, whole, exec)?;
+                self.make(job, system, whole, exec)?
             };
             let was = self.misfit(job, &before);
             steps.push(step);
@@ -113,15 +118,17 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             }
             return self.tighten(job, made, kept, (bound.most, i + 1), Vec::new(), exec);
         }
-        Self::finish(job, system, &mut whole, exec)?;
-        let made = self.make(job, system, &whole, exec)?;
+        Self::finish(job, system, whole, exec)?;
+        let made = self.make(job, system, whole, exec)?;
         self.tighten(job, made, kept, (bound.most, 0), steps, exec)
     }
 
-    /// Finds the nodes of a step as well as those of any other.
+    /// Finds the nodes of a step as well as if they hadn't been told to go too far.
     fn finish(job: &Job<'_>, system: &System, step: &mut Step, exec: &Exec) -> Result<(), Error> {
         if step.is_rough {
-            *step = Self::solve(job, system, Some(std::mem::take(&mut step.nodes)), None, exec)?;
+            let iterations = step.iterations;
+            *step = Self::solve(job, system, None, None, exec)?;
+            step.iterations += iterations;
         }
         Ok(())
     }

@@ -105,6 +105,30 @@ fn a_press_is_typed_as_how_far_it_goes_in_and_a_key_removes_it() {
     assert!((along + 1.5).abs() < 1e-9 && by.iter().all(|c| c.abs() <= 1.5), "{by:?}");
     here.harness.step();
     assert!(here.has("1.5 mm in"), "which way it goes is told");
+    // What it goes aside stays, and so does what has more digits than are written, where the keys pass by.
+    tab_to(&mut here, "Handle 0: x, mm from rest");
+    typed(&mut here, "0.46");
+    let aside = here.told("aside", |told| told.handles[0].by.is_some_and(|by| by[0] == 0.46));
+    here.harness.key_press(Key::Escape);
+    here.harness.step();
+    tab_to(&mut here, "Pin where the slices meet");
+    tab_to(&mut here, "Handle 0: into the surface, mm");
+    here.harness.key_press(Key::Tab);
+    here.harness.step();
+    here.settle();
+    assert_eq!(here.figures().handles[0].by, aside.handles[0].by);
+    tab_to(&mut here, "Handle 0: into the surface, mm");
+    typed(&mut here, "1");
+    let less = here.told("less far in", |told| told.handles[0].by.is_some_and(|by| by[1] > -1.1));
+    assert!((less.handles[0].by.unwrap()[0] - 0.46).abs() < 0.1, "{less:?}");
+    here.harness.key_press(Key::Escape);
+    here.harness.step();
+    for _ in 0..2 {
+        let undo = here.figures().undo.clone();
+        here.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+        here.told("undone", |told| told.redo == undo);
+        here.settle();
+    }
     // A step back is named.
     here.harness.key_press(Key::Escape);
     here.harness.step();
