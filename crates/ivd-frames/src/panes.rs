@@ -110,12 +110,17 @@ impl Panes {
             }
         };
         let point = grid.world(VoxelCoord(self.planes.cross.into())).0;
-        // Half a voxel on the side that goes: the slice itself stays to be seen.
+        Ok((point.into(), normal.into()))
+    }
+
+    /// As [`Panes::here`], half a voxel on the side that goes: a slice that it lies along stays to be seen.
+    pub(crate) fn beside_here(&self, grid: &Grid, along: Pane) -> Result<([f64; 3], [f64; 3]), Error> {
+        let (point, normal) = self.here(grid, along)?;
         let half = self.planes.plane(along).map_or_else(Vector3::zeros, |plane| {
-            let across = normal.normalize();
+            let across = Vector3::from(normal).normalize();
             across * (0.5 * grid.linear_part().column(plane.cut()).dot(&across).abs())
         });
-        Ok(((point - half).into(), normal.into()))
+        Ok(((Vector3::from(point) - half).into(), normal))
     }
 
     /// The volume's picture; `coarser`: by how many its sides are divided.

@@ -69,7 +69,7 @@ impl Window {
             ui.colored_label(ui.visuals().warn_fg_color, text).on_hover_text(VERTEX);
         }
         for one in &figures.handles {
-            ui.horizontal(|ui| self.into_surface(ui, figures, one));
+            ui.horizontal(|ui| self.press(ui, figures, one));
         }
         for pin in &figures.pins {
             ui.horizontal(|ui| {
@@ -117,7 +117,7 @@ impl Window {
     }
 
     /// How far a handle goes into the surface, to be typed, and which way that is.
-    fn into_surface(&mut self, ui: &mut Ui, figures: &Figures, one: &Spot) {
+    fn press(&mut self, ui: &mut Ui, figures: &Figures, one: &Spot) {
         let id = one.id;
         ui.weak(format!("{id}:"));
         if let (Some(by), Some(out)) = (one.by, one.out) {

@@ -52,7 +52,7 @@ impl Model {
         match *request {
             Request::Clip { point, normal } => self.clip_by(ClipPart::Plane(HalfSpace { point, normal })),
             Request::ClipHere { along } => {
-                let (point, normal) = self.panes.here(self.session.rest().grid(), along)?;
+                let (point, normal) = self.panes.beside_here(self.session.rest().grid(), along)?;
                 self.clip_by(ClipPart::Plane(HalfSpace { point, normal }))
             }
             Request::ClipBox { min, max } => self.clip_by(ClipPart::Box(Cuboid { min, max })),

@@ -19,9 +19,9 @@ const TENSIONS: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
 /// Nodes are ruled out that go beyond the bound by this many times what the last iteration has changed of how far they go, ...
 const CHANGES: f64 = 4.0;
 /// ... and by this many times the residual of their equations, ...
-const RESIDUALS: f64 = 10.0;
+const RESIDUALS: f64 = 20.0;
 /// ... from this residual on.
-const ROUGH: f64 = 1e-2;
+const ROUGH: f64 = 1e-3;
 
 /// How far what is inside may go (mm).
 pub(super) struct Bound {

@@ -530,7 +530,9 @@ fn a_drag_gives_what_each_of_its_motions_gives_alone() {
     for scene in &scenes {
         // What was stopped, or stood still, changes nothing, and takes nothing away that was kept.
         let kept = dragged.kept.len();
-        assert!(dragged.drag(&scene.motion, 0, &smooth(), &stopped).is_err() && dragged.kept.len() >= kept);
+        let none = dragged.drag(&scene.motion, 0, &smooth(), &stopped);
+        assert!(none.is_err() || scene.motion.max_displacement() == 0.0);
+        assert!(dragged.kept.len() >= kept);
         let update = dragged.drag(&scene.motion, 0, &smooth(), &exec).unwrap();
         let alone = scene.smooth(&smooth(), &exec).unwrap();
         assert!(update.displacement == alone.displacement, "it depends on what was dragged before");

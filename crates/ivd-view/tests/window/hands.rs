@@ -82,7 +82,7 @@ fn the_wheel_is_the_radius_while_a_handle_is_held_and_goes_through_slices_else()
 
 #[test]
 fn a_slider_that_is_dragged_is_one_step() {
-    let mut here = Here::ball();
+    let here = Here::ball();
     assert!(here.has("Stiffness (N/m, used with springs)"), "by distance alone it shows nowhere");
     let folder = std::sync::Arc::new(tempfile::tempdir().unwrap());
     let source = scene(folder.path(), &format!("{BALL}[deform]\nsolver = \"projective\"\n"));

@@ -133,7 +133,7 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
         told.pins.len() == 1 && told.unsaved && told.angles[0] != 0.0
     });
     let vertices = was.vertices;
-    here.press("Which surface was found");
+    chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
     assert_named(&here);
     type_into(&mut here, "Value of the surface", "140");
@@ -162,7 +162,7 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     here.until("it is asked", |here| here.has("An earlier window ended"));
     here.press("Go on from there");
     here.told("as it was made", |told| told.made.iso == Some(140.0) && told.redo.is_some());
-    here.press("Which surface was found");
+    chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
     type_into(&mut here, "Value of the surface", "110");
     chosen(&mut here, "Make again");
@@ -182,7 +182,7 @@ fn what_cannot_be_done_again_is_asked_about() {
     tab_to(&mut here, "Place of a new handle, at rest, mm");
     typed(&mut here, "32, 69, 32");
     here.told("a handle", |told| told.handles.len() == 1);
-    here.press("Which surface was found");
+    chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
     for (answer, handles, iso) in [("Go back to how it was made", 1, 127.5), ("Go on without", 0, 250.0)] {
         type_into(&mut here, "Value of the surface", "250");
@@ -203,7 +203,7 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     let source = scene(folder.path(), &format!("{BALL}{held}"));
     let mut here = Here::new(folder, Some(source), None);
     here.settle();
-    here.press("Which surface was found");
+    chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
     // Where nothing is cut there is nothing to hold.
     type_into(&mut here, "Value of the surface", "1e9");
