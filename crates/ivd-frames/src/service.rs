@@ -21,6 +21,10 @@ use crate::{Error, Figures, Model, Pane, Request, Saved};
 const SETTLED: Duration = Duration::from_millis(60);
 /// A coarse picture that takes longer is made coarser, ...
 const SLOW: Duration = Duration::from_millis(40);
+/// ... or longer than what is left of this from what happened to what shows it, ...
+const SOON: Duration = Duration::from_millis(62);
+/// ... where that is no less than this; ...
+const LEAST: Duration = Duration::from_millis(20);
 /// ... and one that takes less, finer.
 const QUICK: Duration = Duration::from_millis(12);
 /// Requests are followed for so long at most before what has changed is drawn.
@@ -222,6 +226,12 @@ fn let_go(client: Client, request: Request, later: &mut Later) {
     }
 }
 
+/// How long the volume's coarse picture may take, after so long: where the rest takes longer than a picture could make up for, no less of it is drawn.
+fn longest(before: Duration) -> Duration {
+    let left = SOON.saturating_sub(before);
+    if left < LEAST { SLOW } else { left.min(SLOW) }
+}
+
 /// What is drawn, and how well.
 struct Drawn {
     pictures: [Arc<Picture>; 4],
@@ -279,7 +289,7 @@ impl<P: FnMut(Output)> Worker<P> {
             for (client, request) in later {
                 self.follow(client, &request, &mut model, &log)?;
             }
-            self.draw_stale(&mut model, &mut drawn)?;
+            self.draw_stale(&mut model, &mut drawn, Duration::ZERO)?;
         }
         loop {
             match self.queue.next((!drawn.settled).then_some(SETTLED)) {
@@ -295,7 +305,7 @@ impl<P: FnMut(Output)> Worker<P> {
                         };
                         self.follow(client, &request, &mut model, &log)?;
                     }
-                    self.draw_stale(&mut model, &mut drawn)?;
+                    self.draw_stale(&mut model, &mut drawn, start.elapsed())?;
                 }
             }
         }
@@ -464,8 +474,8 @@ impl<P: FnMut(Output)> Worker<P> {
         Ok(())
     }
 
-    /// Draws what has changed, the volume coarsely.
-    fn draw_stale(&mut self, model: &mut Model, drawn: &mut Drawn) -> Result<(), Error> {
+    /// Draws what has changed, the volume coarsely. `before`: since what happened was begun to be followed.
+    fn draw_stale(&mut self, model: &mut Model, drawn: &mut Drawn, before: Duration) -> Result<(), Error> {
         let mut took = Duration::ZERO;
         for pane in Pane::ALL {
             let version = model.versions()[pane.number()];
@@ -486,7 +496,7 @@ impl<P: FnMut(Output)> Worker<P> {
             if pane == Pane::Volume {
                 drawn.settled = coarser == 1;
                 drawn.coarser = match start.elapsed() {
-                    slow if slow > SLOW => (coarser + 1).min(COARSEST),
+                    slow if slow > longest(before) => (coarser + 1).min(COARSEST),
                     quick if quick < QUICK => (coarser - 1).max(1),
                     _ => coarser,
                 };
@@ -530,5 +540,16 @@ impl<P: FnMut(Output)> Worker<P> {
         let (number, followed) = (drawn.number, self.queue.left());
         let frame = Frame { number, followed, pictures: drawn.pictures.clone(), figures };
         (self.publish)(Output::Frame(Arc::new(frame)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_takes_what_is_left_of_the_time_where_that_is_enough_to_be_in_it() {
+        let of = |before| longest(Duration::from_millis(before)).as_millis();
+        assert_eq!([0, 10, 22, 30, 42, 43, 500].map(of), [40, 40, 40, 32, 20, 40, 40]);
     }
 }
