@@ -1,9 +1,10 @@
 //! Handles and pins as a list: what a pointer does, by keyboard.
 
-use egui::{Button, DragValue, Grid, TextEdit, Ui};
+use egui::{Button, DragValue, Grid, InputState, Key, TextEdit, Ui};
 use ivd_frames::{Figures, Pane, Request, Spot};
 
 use crate::gestures::go_to;
+use crate::keys::is_pressed_anew;
 use crate::window::Window;
 
 /// The axes, ...
@@ -91,7 +92,7 @@ impl Window {
             ui.label("place (mm)");
             let field = TextEdit::singleline(&mut self.place).hint_text("x, y, z").desired_width(110.0);
             let field = ui.add(field).accessible_name("Place of a new handle, at rest, mm");
-            let entered = field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
+            let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             if ui.button("Add").on_hover_text("A handle at that place").clicked() || entered {
                 match read(&self.place) {
                     Some(place) => self.ask(Request::Add { place, by: [0.0; 3] }),
@@ -122,7 +123,7 @@ impl Window {
         ui.weak(format!("{id}:"));
         if let (Some(by), Some(out)) = (one.by, one.out) {
             let full = format!("Handle {id}: into the surface, mm");
-            let there = -(0..3).map(|a| by[a] * out[a]).sum::<f64>();
+            let there = -dot(by, out);
             let shown = self.value(&full, unsigned(there));
             let mut into = shown;
             let field = DragValue::new(&mut into).speed(SPEED).fixed_decimals(1).range(-1e6..=1e6);
@@ -144,26 +145,18 @@ impl Window {
         let held = figures.held == Some(id);
         let go =
             ui.add(Button::new(id.to_string()).selected(held)).accessible_name(format!("Go to handle {id}"));
-        // Not as often as a key that is held repeats: the next row's button may have it then.
-        let deletes = |event: &egui::Event| {
-            let egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } = event else {
-                return false;
-            };
-            [egui::Key::Delete, egui::Key::Backspace].contains(key) && modifiers.is_none()
+        let at = place(one.now);
+        let go = go.on_hover_text(format!("At {at} mm; the slices go there, and Delete removes it then"));
+        // Once: the next row's button may have the keys then.
+        let deletes = |input: &InputState| {
+            let is_new = |key| is_pressed_anew(input, key);
+            input.modifiers.is_none() && (is_new(Key::Delete) || is_new(Key::Backspace))
         };
-        if go.has_focus() && ui.input(|input| input.events.iter().any(deletes)) {
+        if go.has_focus() && ui.input(deletes) {
             self.ask(Request::Remove { handle: id });
         }
         if go.clicked() {
             go.request_focus();
-        }
-        if go
-            .on_hover_text(format!(
-                "At {} mm; the slices go there, and Delete removes it then",
-                place(one.now)
-            ))
-            .clicked()
-        {
             self.ask_all(go_to(one));
         }
         let remove = ui.button("×").accessible_name(format!("Remove handle {id}"));
@@ -217,18 +210,17 @@ pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
     let mut along: Vec<usize> = (0..3).filter(|&a| is_patient && by[a].abs() > ALONG * length(by)).collect();
     along.sort_by(|&a, &b| by[b].abs().total_cmp(&by[a].abs()));
     let ways: Vec<&str> = along.into_iter().map(|a| WAYS[a][usize::from(by[a] > 0.0)]).collect();
-    let way = if ways.is_empty() { String::new() } else { format!(" {}", ways.join(" and ")) };
-    let side = one.out.map_or(0.0, |out| (0..3).map(|a| out[a] * by[a]).sum::<f64>() / length(by));
-    let side = if side >= SIDE {
-        " out"
-    } else if side <= -SIDE {
-        " in"
-    } else {
-        ""
+    let way = ways.join(" and ");
+    let side = one.out.map_or(0.0, |out| dot(by, out) / length(by));
+    let side = match side {
+        out if out >= SIDE => "out",
+        into if into <= -SIDE => "in",
+        _ => "",
     };
-    let way = if side.is_empty() || way.is_empty() { way } else { format!(",{way}") };
+    let ways: Vec<&str> = [side, &way].into_iter().filter(|words| !words.is_empty()).collect();
+    let way = if ways.is_empty() { String::new() } else { format!(" {}", ways.join(", ")) };
     let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
-    Some(format!("{:.1} mm{side}{way}{voxels}", length(by)))
+    Some(format!("{:.1} mm{way}{voxels}", length(by)))
 }
 
 /// How far voxels have gone (mm), where that is noticeably less than they were told to.
@@ -238,9 +230,13 @@ fn lag(one: &Spot) -> Option<f64> {
     (left > (LAG[0] * length(by)).max(LAG[1])).then(|| length(gone))
 }
 
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}
+
 /// How long a way is.
 pub(crate) fn length(way: [f64; 3]) -> f64 {
-    way.iter().map(|c| c * c).sum::<f64>().sqrt()
+    dot(way, way).sqrt()
 }
 
 /// A place, as it is read.

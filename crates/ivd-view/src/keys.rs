@@ -1,6 +1,6 @@
 //! Keys that hold in the whole window.
 
-use egui::{Context, Event, Key, KeyboardShortcut, Modifiers};
+use egui::{Context, Event, InputState, Key, KeyboardShortcut, Modifiers};
 use ivd_frames::{Axis, Request, Saved, Shows, Tool};
 use ivd_render::Side;
 
@@ -38,6 +38,12 @@ pub(crate) const OWN: [(&str, &str); 8] = [
 
 /// The sides that one looks from by keys.
 const SIDES: [(Key, Side); 3] = [(Key::Num1, Side::Front), (Key::Num3, Side::Left), (Key::Num7, Side::Top)];
+
+/// Whether a key is pressed: not as often as one that is held repeats.
+pub(crate) fn is_pressed_anew(input: &InputState, key: Key) -> bool {
+    let is_new = |event: &Event| matches!(event, Event::Key { key: it, pressed: true, repeat: false, .. } if *it == key);
+    input.events.iter().any(is_new)
+}
 
 impl Window {
     /// Follows keys, unless somebody types.
@@ -77,9 +83,7 @@ impl Window {
         }
         if self.hands.hold() {
             for (key, axis) in [(Key::X, Axis::X), (Key::Y, Axis::Y), (Key::Z, Axis::Z), (Key::N, Axis::N)] {
-                // Not as often as a key that is held repeats.
-                let is_new = |event: &Event| matches!(event, Event::Key { key: it, pressed: true, repeat: false, .. } if *it == key);
-                let is_new = context.input(|input| input.events.iter().any(is_new));
+                let is_new = context.input(|input| is_pressed_anew(input, key));
                 if pressed(key) && is_new {
                     let asked = self.hands.keep_to(axis);
                     self.ask_all(asked);

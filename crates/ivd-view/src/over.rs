@@ -354,6 +354,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_rulers_length_never_lies_on_its_line() {
+        let size = vec2(150.0, 14.0);
+        for degrees in 0_u16..360 {
+            let turn = f32::from(degrees).to_radians();
+            let way = 100.0 * vec2(turn.cos(), turn.sin());
+            let (off, align) = beside(way, size);
+            let text = align.anchor_size(Pos2::ZERO + off, size);
+            let corners = [text.left_top(), text.right_top(), text.left_bottom(), text.right_bottom()];
+            let sides = corners.map(|corner| way.x * corner.y - way.y * corner.x);
+            assert!(sides.iter().all(|side| side * sides[0] > 0.0), "{degrees}°: {sides:?}");
+        }
+    }
+
+    #[test]
     fn bars_have_round_lengths() {
         let lengths = [0.034, 0.99, 1.0, 3.0, 49.0, 73.0].map(round_length);
         assert_eq!(lengths, [0.02, 0.5, 1.0, 2.0, 20.0, 50.0]);
