@@ -19,8 +19,8 @@ import numpy as np
 import SimpleITK as sitk
 import trimesh
 import vtk
-from vtk.util.numpy_support import vtk_to_numpy
 
+import readers
 from checks import check, ivd, outcome
 
 PAGE = Path(__file__).resolve().parent / "../../docs/recipes.md"
@@ -80,22 +80,18 @@ def by_itk(path):
     return sitk.GetArrayFromImage(image).astype(float), image.GetSpacing(), columns, turn @ np.array(image.GetOrigin())
 
 
+def with_place(values, affine):
+    spacing = np.linalg.norm(affine[:3, :3], axis=0)
+    return np.asarray(values, float), spacing, affine[:3, :3] / spacing, affine[:3, 3]
+
+
 def by_nibabel(path):
     image = nib.load(path)
-    affine = image.affine
-    spacing = np.linalg.norm(affine[:3, :3], axis=0)
-    return np.asarray(image.dataobj, float).T, spacing, affine[:3, :3] / spacing, affine[:3, 3]
+    return with_place(np.asarray(image.dataobj).T, image.affine)
 
 
 def by_vtk(path):
-    reader = vtk.vtkXMLImageDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    image = reader.GetOutput()
-    values = vtk_to_numpy(image.GetPointData().GetScalars()).astype(float).reshape(image.GetDimensions()[::-1])
-    matrix = image.GetDirectionMatrix()
-    columns = np.array([[matrix.GetElement(r, c) for c in range(3)] for r in range(3)])
-    return values, image.GetSpacing(), columns, np.array(image.GetOrigin())
+    return with_place(*readers.vti(path))
 
 
 def check_volume(name, found, values, told, to_ras=np.eye(3)):

@@ -15,6 +15,7 @@ import nibabel as nib
 import numpy as np
 import SimpleITK as sitk
 
+import readers
 from checks import check, ivd, outcome
 
 MR, CT, PET = (f"1.2.840.10008.5.1.4.1.1.{n}" for n in ("4", "2", "128"))
@@ -87,20 +88,6 @@ def by_nibabel(path):
     return np.asarray(image.dataobj).transpose(2, 1, 0), np.diag([-1.0, -1.0, 1.0]) @ image.affine[:3]
 
 
-def by_vtk(path):
-    import vtk
-    from vtk.util.numpy_support import vtk_to_numpy
-
-    reader = vtk.vtkXMLImageDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    image = reader.GetOutput()
-    m = image.GetDirectionMatrix()
-    direction = np.array([[m.GetElement(r, c) for c in range(3)] for r in range(3)])
-    values = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
-    return values, np.c_[direction * np.array(image.GetSpacing()), np.array(image.GetOrigin())]
-
-
 def read_back(name, program, folder, real, whole):
     reader = sitk.ImageSeriesReader()
     reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(folder)))
@@ -113,8 +100,8 @@ def read_back(name, program, folder, real, whole):
         if ending.startswith("nii"):
             head = (gzip.open if ending.endswith("gz") else open)(file, "rb").read(4)
             check(f"{name}.{ending}: NIfTI-1", struct.unpack("<i", head)[0] == 348)
-        readers = [by_vtk] if ending == "vti" else [by_sitk] + [by_nibabel] * ending.startswith("nii")
-        for read in readers:
+        by = [readers.vti] if ending == "vti" else [by_sitk] + [by_nibabel] * ending.startswith("nii")
+        for read in by:
             case = f"{name}.{ending} {read.__name__}"
             values, affine = read(file)
             error = np.abs(values.astype(np.float64) - real).max() / np.ptp(real)

@@ -14,9 +14,8 @@ import nrrd
 import numpy as np
 import SimpleITK as sitk
 import tifffile
-import vtk
-from vtk.util.numpy_support import vtk_to_numpy
 
+import readers
 from checks import check, outcome
 
 IVD = pathlib.Path(sys.argv[1]).resolve()
@@ -69,16 +68,8 @@ def by_pynrrd(path):
 
 
 def by_vtk(path):
-    reader = vtk.vtkXMLImageDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    image = reader.GetOutput()
-    m = image.GetDirectionMatrix()
-    direction = np.array([[m.GetElement(r, c) for c in range(3)] for r in range(3)])
-    affine = np.c_[direction * np.array(image.GetSpacing()), np.array(image.GetOrigin())]
     # VTK's world has no anatomy: its coordinates are LPS to the program, as they are to ITK.
-    values = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
-    return Volume(values, affine)
+    return Volume(*readers.vti(path))
 
 
 def tiff_by_sitk(path):

@@ -54,6 +54,26 @@ pub fn flatten(sets: &mut [u32]) {
     }
 }
 
+/// Gives every member the name of its set, a number that `name` gives for the least of them, in ascending order.
+///
+/// # Errors
+/// Those of `check`, which is asked before each of 2¹⁶ members.
+pub fn name<E>(
+    sets: &mut [u32],
+    mut check: impl FnMut() -> Result<(), E>,
+    mut name: impl FnMut(usize) -> u32,
+) -> Result<(), E> {
+    for member in 0..sets.len() {
+        if member % (1 << 16) == 0 {
+            check()?;
+        }
+        // What a number leads to comes before it, and has its name by then.
+        let above = sets[member] as usize;
+        sets[member] = if above < member { sets[above] } else { name(member) };
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,8 +92,12 @@ mod tests {
                 plain.iter_mut().filter(|of| **of == one.max(other)).for_each(|of| *of = one.min(other));
                 assert!((0..60).all(|member| root(&mut all, member) == plain[member as usize]));
             }
+            let mut named = all.clone();
+            let Ok(()) =
+                name(&mut named, || Ok::<_, std::convert::Infallible>(()), |least| 1000 + least as u32);
             flatten(&mut all);
             assert_eq!(all, plain);
+            assert!(named.iter().zip(&plain).all(|(name, least)| *name == 1000 + least));
         }
     }
 }

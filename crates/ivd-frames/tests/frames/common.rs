@@ -4,22 +4,7 @@ use ivd_frames::{Model, Subject, Tell};
 use ivd_pipeline::scene::{Loaded, parse};
 
 /// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
-pub(crate) const BALL: &str = r#"
-schema = 1
-[input]
-phantom = "sphere"
-size = 32
-[lattice]
-iso = 127.5
-[refine]
-level = 1
-[render]
-mode = "iso"
-iso = 127.5
-view = "front"
-[output]
-images = ["before"]
-"#;
+pub(crate) const BALL: &str = include_str!("../ball.toml");
 
 pub(crate) fn loaded(text: &str) -> Loaded {
     Loaded { scene: parse(text, &[]).unwrap(), folder: ".".into(), file: "scene.toml".into() }

@@ -334,19 +334,14 @@ fn groups(
         from = (end + 1).min(merges.len());
     }
     let mut count = 0;
-    for leaf in 0..of.len() {
-        if leaf % CHUNK == 0 {
-            exec.check_cancelled()?;
-        }
-        // A set's members follow the one that stands for it, which has its group by now.
-        let above = of[leaf] as usize;
-        of[leaf] = if above < leaf {
-            of[above]
-        } else {
+    sets::name(
+        of,
+        || exec.check_cancelled(),
+        |_| {
             count += 1;
             count
-        };
-    }
+        },
+    )?;
     Ok((groups, count as usize))
 }
 

@@ -349,21 +349,15 @@ pub(super) fn zones<T: Apart>(
         }
     }
     let mut count = 0;
-    for voxel in 0..leaves.len() {
-        if voxel % CHUNK == 0 {
-            exec.check_cancelled()?;
-        }
-        // A set's members follow the one that stands for it, which has its leaf by now.
-        let above = leaves[voxel] as usize;
-        leaves[voxel] = if above < voxel {
-            leaves[above]
-        } else if field.present(voxel) {
-            count += 1;
-            count
-        } else {
-            0
-        };
-    }
+    sets::name(
+        &mut leaves,
+        || exec.check_cancelled(),
+        |voxel| {
+            let present = field.present(voxel);
+            count += u32::from(present);
+            if present { count } else { 0 }
+        },
+    )?;
     Ok((leaves, count as usize, flat))
 }
 

@@ -14,22 +14,8 @@ use tungstenite::client::IntoClientRequest as _;
 use tungstenite::protocol::Message;
 use tungstenite::{WebSocket, client};
 
-const BALL: &str = r#"
-schema = 1
-[input]
-phantom = "sphere"
-size = 24
-[lattice]
-iso = 127.5
-[refine]
-level = 1
-[render]
-mode = "iso"
-iso = 127.5
-view = "front"
-[output]
-images = ["before"]
-"#;
+/// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
+const BALL: &str = include_str!("../../../ivd-frames/tests/ball.toml");
 
 /// A server of a small ball; it ends with the test.
 pub(crate) struct Server {
@@ -50,7 +36,7 @@ impl Server {
         let (exec, (sender, receiver)) = (Exec::default(), channel());
         let its = exec.clone();
         let thread = std::thread::spawn(move || {
-            let scene = parse(BALL, &[]).unwrap();
+            let scene = parse(&BALL.replace("size = 32", "size = 24"), &[]).unwrap();
             let loaded = Loaded { scene, folder: ".".into(), file: "scene.toml".into() };
             let open = move |tell: &Tell| {
                 let exec = Exec::default();
