@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ivd_core::op::{Op as _, Want};
 use ivd_core::{Displacement, Exec, Grid, Labels, Lattice, Motion};
-use ivd_lattice::refine::{RefineParams, Target, collapse};
+use ivd_lattice::refine::collapse;
 use ivd_map::space::{SpaceParams, Start, displace};
 use ivd_map::{Biharmonic, IncrementalMap, MapUpdate, Outside, fem};
 use ivd_motion::freeform;
@@ -47,12 +47,16 @@ struct Held {
 
 impl Level {
     /// Level `level` of a lattice.
-    pub(crate) fn new(finest: &Arc<Lattice>, level: u8, exec: &Exec) -> Result<Self, Error> {
+    pub(crate) fn new(
+        finest: &Arc<Lattice>,
+        level: u8,
+        settings: &Settings,
+        exec: &Exec,
+    ) -> Result<Self, Error> {
         let lattice = if level == 0 {
             finest.clone()
         } else {
-            let params = RefineParams { target: Target::Level(level).into(), ..RefineParams::default() };
-            Arc::new(collapse(finest, &params, exec)?.lattice)
+            Arc::new(collapse(finest, &settings.refinement(level), exec)?.lattice)
         };
         Ok(Self { lattice, nearest: None, smoothest: None, springs: None, coupling: None })
     }

@@ -1,7 +1,7 @@
 //! Interactive deformation: a [`Session`] holds a volume, its lattice at several levels of refinement, and the deformed volume;
 //! an [`Event`] moves a handle, changes a stiffness, a method or a level, and the [`Update`] says which bricks of the volume changed.
 //!
-//! Work goes by the handles' reach. The whole volume is passed over at the session's beginning, at the first event of a level, for
+//! Work is proportional to the handles' reach. The whole volume is gone through only at the session's beginning, at the first event of a level, for
 //! other warp parameters, where a part moves alone, and for every event that is mapped by finite elements. What doesn't change while a
 //! handle moves is found once: the lattice of a level, its octree, the springs and their factor, every voxel's nearest point.
 //!

@@ -108,7 +108,11 @@ impl Session {
             labels,
             finest: Arc::new(lattice),
             levels: BTreeMap::new(),
-            settings: Settings { warp: settings.warp.clone(), ..Settings::default() },
+            settings: Settings {
+                warp: settings.warp.clone(),
+                max_edge: settings.max_edge,
+                ..Settings::default()
+            },
             motion: None,
             last: Update { min_det_j: 1.0, ..Update::default() },
             shown,
@@ -312,7 +316,7 @@ impl Session {
     /// A lattice that can't be refined so far; the memory limit, cancellation.
     pub fn make_level(&mut self, level: u8, exec: &Exec) -> Result<(), Error> {
         if !self.levels.contains_key(&level) {
-            self.levels.insert(level, Level::new(&self.finest, level, exec)?);
+            self.levels.insert(level, Level::new(&self.finest, level, &self.settings, exec)?);
             self.let_levels_go([self.settings.level, level]);
         }
         Ok(())

@@ -4,6 +4,7 @@ use ivd_core::ParamError;
 use ivd_core::op::Op as _;
 use ivd_field::shape::Shape;
 use ivd_field::warp::WarpParams;
+use ivd_lattice::refine::{RefineParams, Target};
 use ivd_map::space::{self, Step};
 use ivd_map::{BiharmonicParams, FemParams, OctreeParams, Outside};
 use ivd_motion::deform::Bone;
@@ -83,6 +84,8 @@ impl MapChoice {
 pub struct Settings {
     /// Level of refinement of the lattice that is deformed: 4⁻ᴸ of its vertices.
     pub level: u8,
+    /// Longest edge (mm) that refinement makes; none where any may be. It is the session's from its beginning: no event changes it.
+    pub max_edge: Option<f64>,
     /// What moves.
     pub handles: Vec<Numbered<Handle>>,
     /// What stays.
@@ -104,6 +107,12 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// How the lattice is refined to a level.
+    pub(crate) fn refinement(&self, level: u8) -> RefineParams {
+        let target = Target::Level(level).into();
+        RefineParams { target, max_edge: self.max_edge, ..RefineParams::default() }
+    }
+
     /// Checks every part by itself, and what goes together.
     ///
     /// # Errors
@@ -113,6 +122,7 @@ impl Settings {
             let problem = format!("{}", self.level);
             return Err(ParamError::new("level", problem, format!("use 0 to {COARSEST}")).into());
         }
+        self.refinement(self.level).check()?;
         for handle in &self.handles {
             handle.check()?;
         }
@@ -171,8 +181,20 @@ impl Settings {
 
     /// Whether the lattice moves as with other settings.
     pub(crate) fn move_alike(&self, other: &Self) -> bool {
-        let Self { level, handles, fixed, shapes, bones, physics, map: _, space: _, warp: _, clip: _ } = self;
-        (*level, handles, fixed) == (other.level, &other.handles, &other.fixed)
+        let Self {
+            level,
+            max_edge,
+            handles,
+            fixed,
+            shapes,
+            bones,
+            physics,
+            map: _,
+            space: _,
+            warp: _,
+            clip: _,
+        } = self;
+        (*level, *max_edge, handles, fixed) == (other.level, other.max_edge, &other.handles, &other.fixed)
             && (shapes, bones, physics) == (&other.shapes, &other.bones, &other.physics)
     }
 

@@ -20,7 +20,7 @@ use crate::figures::measure;
 /// The stage: its one method, and where it stands in a scene.
 pub const STAGE: Stage = Stage {
     name: "lattice",
-    about: "Cuts a lattice by marching cubes.",
+    about: "Extracts a lattice by marching cubes.",
     selector: "",
     methods: METHODS,
     positional: &["volume"],
@@ -55,11 +55,11 @@ pub struct LatticeParams {
     /// Isovalue, or boundary: the class's crossings with its neighbours in intensity.
     #[schemars(extend("x-unit" = "value"))]
     pub iso: IsoChoice,
-    /// The class whose crossings are meant by boundary: an id, densest or largest (air apart). Without it the one that the mask was cut
+    /// The class whose crossings `boundary` uses: an id, densest or largest (except air). Without it the one that the mask was cut
     /// from, and without a mask the largest.
     #[schemars(extend("x-unit" = "1", "x-from" = "boundary.class"))]
     pub class: Option<ClassChoice>,
-    /// Connected parts of the lattice that enclose less volume than this are left out; a cavity is one too, and leaving it out fills it. 0 keeps all.
+    /// Connected parts of the lattice that enclose less volume than this are left out. A cavity counts as a part; leaving it out fills it. 0 keeps all.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm³"))]
     pub min_part: f64,
 }

@@ -27,7 +27,7 @@ use ivd_core::{Exec, Iteration, Lattice};
 use nalgebra::Vector3;
 
 use super::features::Kind;
-use super::half_edge::LEAST_HEIGHT;
+use super::half_edge::{LEAST_HEIGHT, edge_squared};
 use super::locks::Locks;
 use super::mean::distances_seen;
 use super::mesh::Mesh;
@@ -69,6 +69,7 @@ pub(super) fn decimate(
             mesh,
             turn_cosine: params.max_turn_degrees.to_radians().cos(),
             bound,
+            edge_squared: edge_squared(params),
             fans: false,
             queue: BinaryHeap::new(),
             fan: Fan::new(),
@@ -92,6 +93,8 @@ struct Decimation {
     turn_cosine: f64,
     /// Largest bound allowed (mm).
     bound: f64,
+    /// As in [`Limits`](super::half_edge::Limits).
+    edge_squared: f64,
     /// Parts whose share the others don't make up for.
     small: Option<SmallParts>,
     /// Whether a loop that can't be split is filled as a fan.
@@ -227,6 +230,10 @@ impl Decimation {
                 refusal = refusal.or(Some(why));
                 continue;
             }
+            if self.hole.diagonals().any(|[a, b]| (b - a).norm_squared() > self.edge_squared) {
+                refusal = refusal.or(Some(Refusal::Edge));
+                continue;
+            }
             let bounds = self.patch.bounds_after(from, fan.places(), &self.hole.triangles, &old);
             let largest = bounds.iter().copied().fold(0.0, f32::max);
             if f64::from(largest) > self.bound {
@@ -340,6 +347,15 @@ impl Hole {
         }
         let well = self.triangles[first..].iter().all(|t| self.is_well(*t, &normal));
         if well { Ok(()) } else { Err(Refusal::Flip) }
+    }
+
+    /// The new edges, in each direction.
+    fn diagonals(&self) -> impl Iterator<Item = [&Vector3<f64>; 2]> {
+        let k = self.places.len();
+        let sides = self.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let sides = sides.map(|side| side.map(usize::from));
+        let is_new = move |[a, b]: &[usize; 2]| (a + 1) % k != *b && (b + 1) % k != *a;
+        sides.filter(is_new).map(|side| side.map(|at| &self.places[at]))
     }
 
     /// Whether a new triangle has area and turns with the old ones: those on the same border, or else their mean.

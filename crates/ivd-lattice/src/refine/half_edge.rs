@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 
 use super::deviation::Deviation;
 use super::features::Kind;
+use super::params::RefineParams;
 use super::refusal::Refusal;
 use super::shared::NONE;
 use super::star::Fan;
@@ -18,6 +19,29 @@ pub(super) struct Limits {
     pub(super) turn_cosine: f64,
     /// Largest bound allowed (mm).
     pub(super) bound: f64,
+    /// Squared length (mm²) beyond which no edge is made; infinite where any may be.
+    pub(super) edge_squared: f64,
+}
+
+impl Limits {
+    /// - `bound`: the largest one allowed (mm).
+    pub(super) fn new(params: &RefineParams, bound: f64) -> Self {
+        Self {
+            turn_cosine: params.max_turn_degrees.to_radians().cos(),
+            bound,
+            edge_squared: edge_squared(params),
+        }
+    }
+
+    /// Whether an edge may be made.
+    pub(super) fn allow_edge(&self, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
+        (b - a).norm_squared() <= self.edge_squared
+    }
+}
+
+/// Squared length (mm²) beyond which no edge is made.
+pub(super) fn edge_squared(params: &RefineParams) -> f64 {
+    params.max_edge.map_or(f64::INFINITY, |mm| mm * mm)
 }
 
 /// Collapses the vertex of `fan`, `u`, onto its neighbour `y` if nothing speaks against it.
@@ -48,6 +72,11 @@ pub(super) fn collapse(
     } else {
         check_shape(from, fan.places(), limits)?;
         check_link(surface, [u, y], fan)?;
+    }
+    // The first and the last of the others are neighbours already.
+    let [to, _, far @ .., _] = fan.places() else { return Err(Refusal::Link) };
+    if !far.iter().all(|place| limits.allow_edge(to, place)) {
+        return Err(Refusal::Edge);
     }
     let old = fan.triangles().iter().map(|&t| surface.triangles.bound(t));
     let bounds = deviation.bounds_after(from, fan.places(), old);

@@ -132,8 +132,7 @@ fn pulled(
         locks.vertices.iter().filter_map(|v| exact.kept.binary_search(v).ok()).map(|v| v as u32).collect();
     let mut surface = Surface::new(&base, Locks { vertices: &locked }, params.feature_degrees);
     let bound = if goal.mm.is_finite() { goal.mm - error } else { f64::INFINITY };
-    let turn_cosine = params.max_turn_degrees.to_radians().cos();
-    let rules = Rules { limits: Limits { turn_cosine, bound }, shape_weight: params.shape_weight as f32 };
+    let rules = Rules { limits: Limits::new(params, bound), shape_weight: params.shape_weight as f32 };
     let mut run = Run { stopped_by: StopReason::Target, refused: Refused::default(), passes: exact.passes };
     while !goal.is_reached(level, surface.triangles.len()) {
         let done = one_level(&mut surface, &rules, goal.keep, exec)?;

@@ -305,8 +305,7 @@ fn collapsed(
 ) -> Result<Refined, Error> {
     let mut surface = Surface::new(lattice, locks, params.feature_degrees);
     let bound = if let Goal::Error(mm) = goal { mm } else { f64::INFINITY };
-    let turn_cosine = params.max_turn_degrees.to_radians().cos();
-    let rules = Rules { limits: Limits { turn_cosine, bound }, shape_weight: params.shape_weight as f32 };
+    let rules = Rules { limits: Limits::new(params, bound), shape_weight: params.shape_weight as f32 };
     let (low, high) = extent(surface.positions.iter());
     let largest = 2.0 * (high - low).norm();
     let mut side = mean_side(lattice, &lattice.local_positions());

@@ -76,8 +76,8 @@ impl Default for Target {
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct TargetKeys {
-    /// Levels below the input, each of which keeps about a quarter of the vertices: level L keeps 4⁻ᴸ of them. Collapse and
-    /// decimation don't make up in other parts for specks, which keep four vertices each. 2 where no target is given.
+    /// Levels below the input, each of which keeps about a quarter of the vertices: level L keeps 4⁻ᴸ of them. Small components
+    /// keep four vertices each; collapse and decimation don't remove more elsewhere to make up for it. 2 where no target is given.
     #[schemars(extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub level: Option<u8>,
     /// Keep this share of the triangles.
@@ -154,7 +154,7 @@ pub struct RefineParams {
     /// How far to go.
     #[serde(flatten)]
     pub target: TargetKeys,
-    /// Most that one collapse may turn a triangle.
+    /// Largest angle by which one collapse may turn a triangle.
     #[schemars(extend("x-unit" = "degrees", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 180.0))]
     pub max_turn_degrees: f64,
     /// Weight of the squared length of a collapse against its squared distance from the planes it leaves.
@@ -163,13 +163,17 @@ pub struct RefineParams {
     pub shape_weight: f64,
     /// Whether collapse, where nothing else can go, may pinch the surface: tunnels and handles close, and the
     /// result need not be a manifold where they did. Merge is then clustering: whatever lies in one cube becomes one
-    /// vertex. The others pass over it.
+    /// vertex. The other methods ignore this.
     pub allow_topology: bool,
-    /// Edges where the surface turns by more than this (between the normals of the two triangles) are features: a vertex between two
-    /// of them goes along them alone, and where one or more than two meet, it stays. Without it there are no features. Collapse,
+    /// Edges where the surface turns by more than this (between the normals of the two triangles) are features: a vertex where two
+    /// of them meet moves only along them; where one ends, or more than two meet, it stays. Without it there are no features. Collapse,
     /// decimation and legal merges heed it; clustering, sampling and the exact inverse of a subdivision don't.
     #[schemars(extend("x-unit" = "degrees", "exclusiveMinimum" = 0.0, "exclusiveMaximum" = 180.0))]
     pub feature_degrees: Option<f64>,
+    /// No edge is made that is longer: without it flat parts are left with few vertices, where a handle may find none near, and between which nothing bends.
+    /// Collapse, decimation and legal merges heed it; clustering, sampling and the exact inverse of a subdivision don't.
+    #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
+    pub max_edge: Option<f64>,
 }
 
 impl Default for RefineParams {
@@ -181,6 +185,7 @@ impl Default for RefineParams {
             shape_weight: 1e-4,
             allow_topology: false,
             feature_degrees: None,
+            max_edge: None,
         }
     }
 }

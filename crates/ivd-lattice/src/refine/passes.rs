@@ -68,8 +68,6 @@ impl Run {
 struct Goal {
     /// Vertices to remove at most.
     removals: usize,
-    /// Least cosine between a triangle's normals before and after a collapse.
-    turn_cosine: f64,
     /// Largest bound allowed (mm).
     bound: f64,
 }
@@ -78,7 +76,7 @@ impl Goal {
     fn new(surface: &Surface, params: &RefineParams) -> Self {
         let (removals, bound) =
             params.target.get().removals(surface.positions.len(), surface.triangles.len());
-        Self { removals, turn_cosine: params.max_turn_degrees.to_radians().cos(), bound }
+        Self { removals, bound }
     }
 }
 
@@ -118,7 +116,7 @@ pub(super) fn run(
         let divided = tried > ALONE && tried <= most;
         let blocks = if divided { Blocks::new(surface, area, passes) } else { Blocks::one(surface) };
         let bound = goal.bound.min(BOUND_ROOTS * f64::from(queue.dearest).sqrt());
-        let limits = Limits { turn_cosine: goal.turn_cosine, bound };
+        let limits = Limits::new(params, bound);
         let cancel = &exec.cancel;
         let pass =
             Pass { surface, blocks, shape_weight, dearest: queue.dearest, asked: goal.bound, limits, cancel };

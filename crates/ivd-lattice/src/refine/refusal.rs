@@ -17,6 +17,8 @@ pub(super) enum Refusal {
     Feature,
     /// It would make a component vanish: a tetrahedron is the least.
     Speck,
+    /// It would make an edge that is longer than any may be.
+    Edge,
     /// The bound (mm), which this would be, would exceed the limit.
     Bound(f32),
 }
@@ -39,6 +41,8 @@ pub enum StopReason {
     Locks,
     /// Most of what is left are corners and the least that feature edges need.
     Features,
+    /// Most of what is left would make edges longer than any may be.
+    Edges,
     /// Coarser by a step, nothing would be left.
     Vanishing,
 }
@@ -57,6 +61,7 @@ impl StopReason {
                 "most of what is left is locked, lies on borders or where the input isn't a manifold"
             }
             Self::Features => "most of what is left are corners and feature edges",
+            Self::Edges => "taking more would make edges longer than max_edge",
             Self::Vanishing => "coarser by a step, nothing would be left",
         })
     }
@@ -67,6 +72,7 @@ impl StopReason {
             Self::Links => Some("allow_topology lets them go"),
             Self::Specks => Some("min_part of lattice leaves small parts out before"),
             Self::Features => Some("a larger feature_degrees keeps fewer"),
+            Self::Edges => Some("a larger max_edge keeps fewer"),
             Self::Target | Self::MaxError | Self::Flips | Self::Locks | Self::Vanishing => None,
         }
     }
@@ -97,6 +103,10 @@ pub struct Refused {
     /// Vertices in which one feature edge ends or more than two meet, and those that no feature edge can spare.
     #[schemars(extend("x-unit" = "vertices"))]
     pub features: u64,
+    /// Vertices whose every collapse would make an edge longer than any may be.
+    #[schemars(extend("x-unit" = "vertices"))]
+    #[serde(default)]
+    pub edges: u64,
     /// Vertices whose every collapse would exceed the error asked for.
     #[schemars(extend("x-unit" = "vertices"))]
     pub max_error: u64,
@@ -110,6 +120,7 @@ impl Refused {
             Refusal::Flip => &mut self.flips,
             Refusal::Speck => &mut self.specks,
             Refusal::Feature => &mut self.features,
+            Refusal::Edge => &mut self.edges,
             Refusal::Bound(_) => &mut self.max_error,
         } += 1;
     }
@@ -123,6 +134,7 @@ impl Refused {
             (self.flips, StopReason::Flips),
             (self.locks, StopReason::Locks),
             (self.features, StopReason::Features),
+            (self.edges, StopReason::Edges),
         ];
         let most = counts.iter().map(|c| c.0).max().unwrap_or(0);
         counts.iter().find(|c| c.0 == most).map_or(StopReason::Locks, |c| c.1)
@@ -167,6 +179,7 @@ impl Add for Refused {
             specks: self.specks + other.specks,
             locks: self.locks + other.locks,
             features: self.features + other.features,
+            edges: self.edges + other.edges,
             max_error: self.max_error + other.max_error,
         }
     }

@@ -159,7 +159,8 @@ impl Work<'_> {
         let from = &mesh.positions[u as usize];
         let (ring, places) = (fan.ring(), fan.places());
         let k = ring.len();
-        let limits = Limits { turn_cosine: self.limits.turn_cosine, bound: self.limits.max_error_mm };
+        let (turn_cosine, bound) = (self.limits.turn_cosine, self.limits.max_error_mm);
+        let limits = Limits { turn_cosine, bound, edge_squared: f64::INFINITY };
         if !mesh.links([u, y], ring) || check_shape(from, places, &limits).is_err() {
             return false;
         }

@@ -17,7 +17,7 @@ use crate::figures::measure;
 /// The stage as scenes and commands see it.
 pub const STAGE: Stage = Stage {
     name: "refine",
-    about: "Simplifies a lattice without a new vertex.",
+    about: "Simplifies a lattice, keeping a subset of its vertices.",
     selector: "",
     methods: METHODS,
     positional: &["lattice"],
@@ -48,7 +48,7 @@ pub struct Refinement {
     pub params: RefineParams,
     /// Balls whose vertices stay: pick is the centre (mm, RAS), radius is in mm.
     pub lock: Vec<Lock>,
-    /// Components of fewer triangles go before anything else; 0 keeps all.
+    /// Components of fewer triangles are removed first; 0 keeps all.
     #[schemars(extend("x-unit" = "triangles"))]
     pub min_component: u64,
     /// Levels to keep beside the lattice itself, ascending, in place of one target: each from the one before.

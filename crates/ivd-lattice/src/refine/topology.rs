@@ -70,7 +70,7 @@ pub(super) fn run(
         vertices: left,
         keep,
         shape_weight: params.shape_weight as f32,
-        limits: Limits { turn_cosine: params.max_turn_degrees.to_radians().cos(), bound },
+        limits: Limits::new(params, bound),
         stamps: vec![0; vertices],
         queue: BinaryHeap::new(),
         fan: Fan::new(),
@@ -250,7 +250,13 @@ impl Pinching<'_> {
         let closed = fan.gather(u, star);
         let mut change = if closed { self.pull_fan(u, y)? } else { self.pull_star(u, y)? };
         let corners = |t: u32| self.surface.triangles.corners(t);
+        let place = |v: u32| &self.surface.positions[v as usize];
         for &(t, _) in &change.moved {
+            let mut far =
+                corners(t).into_iter().filter(|c| *c != u && !self.limits.allow_edge(place(*c), place(y)));
+            if far.any(|c| self.on_edge(y, c).next().is_none()) {
+                return Err(Refusal::Edge);
+            }
             let moved = corners(t).map(|c| if c == u { y } else { c });
             let stars = moved.map(|c| &self.stars[c as usize]);
             let least = stars.into_iter().min_by_key(|star| star.len()).expect("there are three");

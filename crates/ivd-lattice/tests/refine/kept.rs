@@ -99,6 +99,41 @@ fn the_edges_of_a_cube_stay_where_they_are_and_its_corners_too() {
     }
 }
 
+/// Lengths (mm) of a lattice's edges.
+fn edges(lattice: &Lattice) -> impl Iterator<Item = f64> {
+    let length = |[a, b]: [u32; 2]| (lattice.world(a as usize).0 - lattice.world(b as usize).0).norm();
+    lattice.triangles().iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).map(length)
+}
+
+#[test]
+fn no_edge_is_made_that_is_longer_than_any_may_be() {
+    let block =
+        lattices::cut(lattices::cube(40), |p| f64::from(u8::from(p.iter().all(|c| (4.0..36.0).contains(c)))));
+    for method in METHODS {
+        for max_edge in [3.0, 8.0] {
+            let free = params(method, Target::Ratio(0.0));
+            let params = RefineParams { max_edge: Some(max_edge), ..free.clone() };
+            let (out, free) = (run(&block, &params, &[]), run(&block, &free, &[]));
+            assert_sound(&block, &out);
+            let longest = |lattice| edges(lattice).fold(0.0, f64::max);
+            assert!(longest(&out.lattice) <= max_edge, "{method:?}: {}", longest(&out.lattice));
+            assert!(longest(&free.lattice) > 2.0 * max_edge, "{method:?}");
+            // As few as such edges let there be, about: each of a side's equilateral triangles has an area of √3/4 of a square.
+            let least = 6.0 * 32.0 * 32.0 / (0.433 * max_edge * max_edge);
+            let many = out.lattice.triangles().len() as f64;
+            assert!(many > 0.9 * least && many < 6.0 * least, "{method:?}: {many} of {least}");
+            assert!(out.reached.refused.edges > out.lattice.keys().len() as u64 / 2, "{:?}", out.reached);
+            assert_eq!(out.reached.stopped_by, StopReason::Edges, "{method:?}");
+        }
+        let far = RefineParams { max_edge: Some(1e3), ..params(method, Target::Ratio(0.2)) };
+        let plain = run(&block, &params(method, Target::Ratio(0.2)), &[]);
+        assert_eq!(run(&block, &far, &[]), plain, "{method:?}");
+        let bad = RefineParams { max_edge: Some(0.0), ..far };
+        let error = refine(&block, &bad, Locks::NONE, &Exec::default()).expect_err("0 mm is no edge");
+        assert!(error.to_string().contains("max_edge"));
+    }
+}
+
 #[test]
 fn a_feature_angle_beyond_all_edges_changes_nothing() {
     let sphere = lattices::sphere(24);
