@@ -5,7 +5,7 @@
 //! deformation to where it was at rest, so that handles can be put on what has been deformed. What can't be deformed as asked stays as it was, and the
 //! figures say why and how far the hand is ahead.
 //!
-//! What a model shows follows from its subject and settings alone: [`Subject::scene_of`] is the scene of which `ivd pipeline` makes the same voxels.
+//! What a model shows follows from its subject and settings alone: [`Subject::scene_of`] is the scene from which `ivd pipeline` makes the same voxels.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
 

@@ -1,5 +1,7 @@
 //! What a window is told to open.
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use ivd_pipeline::scene::{self, Loaded, Override};
@@ -55,6 +57,7 @@ impl Source {
                 let log = Log::read(file)?;
                 (in_memory(&log.scene, file.clone(), &self.overrides)?, false, log.entries)
             }
+            Some(file) if is_scene(file) => (scene::load(file, &self.overrides)?, false, Vec::new()),
             Some(file) => (bare_scene(file, &self.overrides)?, true, Vec::new()),
         };
         if let Some(input) = &self.input {
@@ -68,6 +71,18 @@ impl Source {
         }
         Ok(Opened { loaded, is_bare, entries })
     }
+}
+
+/// Whether a file of any name is a scene by its text: it says its schema before any section.
+fn is_scene(file: &Path) -> bool {
+    let mut head = Vec::new();
+    let read = File::open(file).and_then(|file| file.take(4096).read_to_end(&mut head));
+    // A character that is cut in two at its end makes no difference.
+    let text = String::from_utf8_lossy(&head);
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    let mut before_sections = lines.take_while(|line| !line.starts_with('['));
+    read.is_ok()
+        && before_sections.any(|line| line.split('=').next().is_some_and(|key| key.trim() == "schema"))
 }
 
 /// A scene that lies in no file, or in another's.
@@ -99,5 +114,12 @@ mod tests {
         let log = Source { file: Some(log), input: Some(file.clone()), ..Source::default() }.read().unwrap();
         assert!(!log.is_bare && log.entries.len() == 1);
         assert_eq!((log.loaded.scene.input.file, log.loaded.scene.input.phantom), (Some(file), None));
+        // A scene of another name is told by its text.
+        for (text, is_scene) in [(DEMO, true), ("[input]\nschema = 1\n", false), ("schematic = 1\n", false)] {
+            let kept = folder.path().join("kept");
+            std::fs::write(&kept, text).unwrap();
+            let read = Source { file: Some(kept), ..Source::default() }.read();
+            assert_eq!(read.is_ok_and(|read| !read.is_bare), is_scene, "{text:?}");
+        }
     }
 }

@@ -22,12 +22,14 @@ use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, number
 use serde_json::{Value as Json, json};
 
 use crate::bare::{above_background, leaves_part_open, says};
-use crate::model::first_transfer;
+use crate::model::{first_transfer, usual_radius};
 use crate::preview::AtRest;
 use crate::{Error, Made, Tell};
 
 /// Vertices above which a bare scan is deformed at a coarser level.
 const MANY_VERTICES: usize = 40_000;
+/// Longest edge of a bare scan's lattice, as a share of a handle's usual reach.
+const EDGE: f64 = 0.25;
 /// What the scene of a bare scan says beside its input.
 const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 
@@ -143,10 +145,21 @@ impl Subject {
             scene.set(refine, &[("level", Some(json!(level)))])?;
             said.push(format!("level {level}, for {vertices} vertices as cut"));
         }
+        if is_bare && !says(&scene, refine, "max_edge") {
+            let edge = two_digits(EDGE * usual_radius(volume.grid()));
+            scene.set(refine, &[("max_edge", Some(json!(edge)))])?;
+            said.push(format!("no edge longer than {edge} mm, so that a handle finds a vertex near"));
+        }
         if is_bare && !says(&scene, &ivd_map::STAGE, "method") {
             // Hands press anywhere, on thin walls as well, where what lies nearest can't follow far.
             scene.set(&ivd_map::STAGE, &[("method", Some(json!("biharmonic")))])?;
             said.push("voxels follow smoothest".to_owned());
+        }
+        if is_bare {
+            said.push(
+                "all that lies within a handle's radius bends alike, bone too: pins hold what must stay"
+                    .to_owned(),
+            );
         }
         let settings = settings(&scene)?;
         let part = done.iter().find(|(id, _)| id.stage == ivd_boundary::STAGE.name);
@@ -269,6 +282,12 @@ fn missing(what: &'static str) -> Error {
     Error::NotInSessions { part: format!("{what} is made by none of its stages") }
 }
 
+/// A positive number with two digits that count.
+fn two_digits(number: f64) -> f64 {
+    let text = format!("{number:.1e}");
+    text.parse().unwrap_or(number)
+}
+
 fn none(part: impl Into<String>) -> Error {
     Error::NotInSessions { part: part.into() }
 }
@@ -283,8 +302,8 @@ fn check(scene: &Scene) -> Result<(), Error> {
     }
     let refine = &ivd_lattice::refine::STAGE;
     let keys = written(refine).into_iter().flatten();
-    if let Some((key, _)) = keys.into_iter().find(|(key, _)| *key != "level") {
-        return Err(none(format!("refine.{key} (it knows refine.level)")));
+    if let Some((key, _)) = keys.into_iter().find(|(key, _)| !["level", "max_edge"].contains(&key.as_str())) {
+        return Err(none(format!("refine.{key} (it knows refine.level and refine.max_edge)")));
     }
     if scene.param(&ivd_map::STAGE, "frame").is_some() {
         return Err(none("map.frame"));
@@ -341,7 +360,9 @@ fn settings(scene: &Scene) -> Result<Settings, Error> {
         .or_else(|| map.get().cloned().map(|params: FemParams| MapChoice::Fem(params)))
         .ok_or_else(|| none("map.method = \"body\""))?;
     let level = scene.param(&ivd_lattice::refine::STAGE, "level").and_then(|level| level.as_u64());
+    let max_edge = scene.param(&ivd_lattice::refine::STAGE, "max_edge").and_then(|mm| mm.as_f64());
     let settings = Settings {
+        max_edge,
         level: level.map_or(2, |level| level.min(255) as u8),
         handles: numbered(asked.moves.handles().map_err(wrong)?),
         fixed: numbered(asked.moves.fixed()),

@@ -46,7 +46,7 @@ impl Window {
             ui.menu_button("File", |ui| self.file_menu(ui));
             ui.menu_button("Edit", |ui| self.edit_menu(ui));
             ui.menu_button("View", |ui| self.view_menu(ui));
-            if ui.button("Keys").on_hover_text("What hands and keys do: ?").clicked() {
+            if ui.button("Keys").on_hover_text("Mouse and keyboard: ?").clicked() {
                 self.dialog = Some(Dialog::Keys);
             }
             ui.separator();

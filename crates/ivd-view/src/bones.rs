@@ -1,9 +1,10 @@
 //! Bones as a list: what each holds, how far it is turned, and how far it goes.
 
-use egui::{ComboBox, DragValue, Grid, Ui};
+use egui::{ComboBox, Grid, Ui};
 use ivd_frames::{Bone, Figures, Request, Tool};
 
 use crate::handles::place;
+use crate::number::number;
 use crate::rulers::two_places;
 use crate::window::Window;
 
@@ -79,8 +80,7 @@ impl Window {
 
     fn length(&self, ui: &mut Ui, full: &str, shown: f64, least: f64) -> (f64, egui::Response) {
         let mut value = self.value(full, shown);
-        let field = DragValue::new(&mut value).speed(SPEED).max_decimals(1).range(least..=1e6);
-        let field = ui.add(field.update_while_editing(false)).accessible_name(full.to_owned());
+        let field = number(ui, full, &mut value, 1, |field| field.speed(SPEED).range(least..=1e6));
         (value, field)
     }
 
@@ -92,8 +92,7 @@ impl Window {
             let full = format!("Bone {name}: turn, degrees");
             let mut turned = self.value(&full, *angle);
             let field =
-                DragValue::new(&mut turned).speed(SPEED).max_decimals(1).range(-1e6..=1e6).suffix("°");
-            let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+                number(ui, &full, &mut turned, 1, |field| field.speed(SPEED).range(-1e6..=1e6).suffix("°"));
             let about =
                 format!("about {} mm along {}", place(pivot), axis.map(|c| format!("{c:.2}")).join(", "));
             let field = field.on_hover_text(about);
@@ -105,9 +104,9 @@ impl Window {
             for (a, along) in ["x", "y", "z"].into_iter().enumerate() {
                 let full = format!("Bone {name}: {along}, mm from rest");
                 gone[a] = self.value(&full, gone[a]);
-                let field = DragValue::new(&mut gone[a]).speed(SPEED).max_decimals(2).range(-1e6..=1e6);
-                let field = field.prefix(format!("{along} ")).suffix(" mm");
-                let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+                let field = number(ui, &full, &mut gone[a], 2, |field| {
+                    field.speed(SPEED).range(-1e6..=1e6).prefix(format!("{along} ")).suffix(" mm")
+                });
                 self.turned(&field, (&full, gone[a]), || turn(pivot, *axis, *angle, gone));
             }
         });

@@ -1,9 +1,10 @@
 //! Planes and boxes that clip.
 
-use egui::{DragValue, Ui};
+use egui::Ui;
 use ivd_frames::{ClipPart, Cuboid, Figures, HalfSpace, Lies, Pane, Request};
 
 use crate::handles::length;
+use crate::number::number;
 use crate::over::name;
 use crate::side::{Scale, list, slider};
 use crate::window::Window;
@@ -118,8 +119,7 @@ impl Window {
                     // No end goes beyond the other.
                     let range = if end == 0 { -1e6..=ends[1] } else { ends[0]..=1e6 };
                     ends[end] = self.value(&full, ends[end]);
-                    let field = DragValue::new(&mut ends[end]).speed(SPEED).max_decimals(1).range(range);
-                    let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+                    let field = number(ui, &full, &mut ends[end], 1, |field| field.speed(SPEED).range(range));
                     let mut moved = *cuboid;
                     (moved.min[a], moved.max[a]) = (ends[0], ends[1]);
                     let part = ClipPart::Box(moved);

@@ -181,6 +181,7 @@ impl Window {
 
     /// Keeps something there; what is there already is asked about once, and a folder that isn't there is told.
     pub(crate) fn keep(&mut self, what: Keeps, path: PathBuf, replace: bool, context: &Context) {
+        let path = what.with_ending(path);
         let is_folder = |folder: &Path| folder.as_os_str().is_empty() || folder.is_dir();
         let was = match path.parent() {
             Some(folder) if !is_folder(folder) => Some(Was::Nowhere),
@@ -289,14 +290,19 @@ impl Dialog {
                 choice(ui, "Keep the recording …", Some("Throw it away"))
             }
             Self::Keys => {
-                ui.heading("What hands and keys do");
+                ui.heading("Mouse and keyboard");
                 // As much as there is room for.
                 let room = (ui.ctx().content_rect().height() - 160.0).max(200.0);
                 ScrollArea::vertical().max_height(room).show(ui, |ui| {
-                    for (keys, what) in KEYS.iter().chain(&OWN) {
-                        ui.strong(*keys);
-                        ui.indent(keys, |ui| ui.label(*what));
-                    }
+                    let all: Vec<_> = KEYS.iter().chain(&OWN).collect();
+                    ui.columns(2, |columns| {
+                        for (column, keys) in columns.iter_mut().zip(all.chunks(all.len().div_ceil(2))) {
+                            for (keys, what) in keys {
+                                column.strong(*keys);
+                                column.indent(keys, |ui| ui.label(*what));
+                            }
+                        }
+                    });
                 });
                 choice(ui, "Close the list", None)
             }

@@ -39,6 +39,16 @@ impl Keeps {
             Self::Recording => "recording.gif",
         }
     }
+
+    /// A path with the ending of what it is, where it has none: by that it is known again.
+    pub(crate) fn with_ending(self, path: PathBuf) -> PathBuf {
+        match Path::new(self.name()).extension() {
+            Some(ending) if path.extension().is_none() && path.file_name().is_some() => {
+                path.with_extension(ending)
+            }
+            _ => path,
+        }
+    }
 }
 
 /// Where what was asked for is to be written.

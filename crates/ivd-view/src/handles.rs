@@ -1,10 +1,11 @@
 //! Handles and pins as a list: what a pointer does, by keyboard.
 
-use egui::{Button, DragValue, Grid, InputState, Key, TextEdit, Ui};
+use egui::{Button, Grid, InputState, Key, Label, RichText, TextEdit, Ui};
 use ivd_frames::{Figures, Pane, Request, Spot};
 
 use crate::gestures::go_to;
 use crate::keys::is_pressed_anew;
+use crate::number::number;
 use crate::window::Window;
 
 /// The axes, ...
@@ -35,6 +36,14 @@ const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out. What it goes aside stays";
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
+
+/// A handle that is typed.
+#[derive(Debug, Default)]
+pub(crate) struct Typed {
+    place: String,
+    /// Whether it was entered, and has the keys once it is there.
+    goes_on: bool,
+}
 
 impl Window {
     /// Shows the list.
@@ -90,12 +99,15 @@ impl Window {
     fn new_handle(&mut self, ui: &mut Ui, figures: &Figures) {
         ui.horizontal(|ui| {
             ui.label("place (mm)");
-            let field = TextEdit::singleline(&mut self.place).hint_text("x, y, z").desired_width(110.0);
+            let field = TextEdit::singleline(&mut self.typed.place).hint_text("x, y, z").desired_width(110.0);
             let field = ui.add(field).accessible_name("Place of a new handle, at rest, mm");
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             if ui.button("Add").on_hover_text("A handle at that place").clicked() || entered {
-                match read(&self.place) {
-                    Some(place) => self.ask(Request::Add { place, by: [0.0; 3] }),
+                match read(&self.typed.place) {
+                    Some(place) => {
+                        self.typed.goes_on = entered;
+                        self.ask(Request::Add { place, by: [0.0; 3] });
+                    }
                     None => {
                         self.complain("A place is three numbers, x, y, z, in mm: 10, -4.5, 32.".to_owned());
                     }
@@ -124,27 +136,33 @@ impl Window {
         if let (Some(by), Some(out)) = (one.by, one.out) {
             let full = format!("Handle {id}: into the surface, mm");
             let there = -dot(by, out);
-            let shown = self.value(&full, unsigned(there));
-            let mut into = shown;
-            let field = DragValue::new(&mut into).speed(SPEED).fixed_decimals(1).range(-1e6..=1e6);
-            let field = ui.add(field.prefix("in ").update_while_editing(false));
-            let mut field = field.accessible_name(full.clone()).on_hover_text(INTO);
-            unless_rounded(&mut field, shown, into, 0.05);
+            let mut into = self.value(&full, unsigned(there));
+            let field = number(ui, &full, &mut into, 1, |field| {
+                field.speed(SPEED).fixed_decimals(1).range(-1e6..=1e6).prefix("in ")
+            });
+            if self.typed.goes_on && self.selected == Some(id) {
+                field.request_focus();
+                self.typed.goes_on = false;
+            }
+            let field = field.on_hover_text(INTO);
             let by = std::array::from_fn(|a| by[a] + (there - into) * out[a]);
             self.turned(&field, (&full, into), || Request::Move { handle: id, by });
         }
         let Some(told) = told(one, figures.letters.is_some()) else { return };
         let behind = lag(one).is_some();
-        let line = if behind { ui.colored_label(ui.visuals().warn_fg_color, told) } else { ui.weak(told) };
+        let text = RichText::new(told);
+        let text = if behind { text.color(ui.visuals().warn_fg_color) } else { text.weak() };
+        let line = ui.add(Label::new(text).wrap());
         line.on_hover_text(if behind { BEHIND } else { MOVED });
     }
 
     /// A row: the handle, how far it moves or with what force it pulls, and how to be rid of it.
     fn handle(&mut self, ui: &mut Ui, figures: &Figures, one: &Spot) {
         let id = one.id;
-        let held = figures.held == Some(id);
-        let go =
-            ui.add(Button::new(id.to_string()).selected(held)).accessible_name(format!("Go to handle {id}"));
+        let selected = figures.held.or(self.selected) == Some(id);
+        let go = ui
+            .add(Button::new(id.to_string()).selected(selected))
+            .accessible_name(format!("Go to handle {id}"));
         let at = place(one.now);
         let go = go.on_hover_text(format!("At {at} mm; the slices go there, and Delete removes it then"));
         // Once: the next row's button may have the keys then.
@@ -157,6 +175,7 @@ impl Window {
         }
         if go.clicked() {
             go.request_focus();
+            self.selected = Some(id);
             self.ask_all(go_to(one));
         }
         let remove = ui.button("×").accessible_name(format!("Remove handle {id}"));
@@ -168,13 +187,10 @@ impl Window {
         let mut told = one.with.or(one.by).unwrap_or_default().map(unsigned);
         for (axis, name) in AXES.into_iter().enumerate() {
             let full = format!("Handle {id}: {name}, {unit}");
-            let shown = self.value(&full, told[axis]);
-            told[axis] = shown;
-            let field = DragValue::new(&mut told[axis]).speed(SPEED).max_decimals(2).range(-1e6..=1e6);
-            let field = if pulls { field.suffix(" mN") } else { field };
-            let field = ui.add(field.update_while_editing(false));
-            let mut field = field.accessible_name(full.clone());
-            unless_rounded(&mut field, shown, told[axis], 5e-3);
+            told[axis] = self.value(&full, told[axis]);
+            let field = number(ui, &full, &mut told[axis], 2, |field| {
+                field.speed(SPEED).range(-1e6..=1e6).suffix(if pulls { " mN" } else { "" })
+            });
             self.turned(&field, (&full, told[axis]), || {
                 if pulls {
                     Request::Pull { handle: id, with: told }
@@ -185,16 +201,8 @@ impl Window {
         }
         let full = format!("Handle {id}: radius, mm");
         let mut radius = self.value(&full, one.radius);
-        let field = DragValue::new(&mut radius).speed(SPEED).max_decimals(1).range(1e-3..=1e6);
-        let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+        let field = number(ui, &full, &mut radius, 1, |field| field.speed(SPEED).range(1e-3..=1e6));
         self.turned(&field, (&full, radius), || Request::Radius { handle: Some(id), radius });
-    }
-}
-
-/// A field that is left gives its number as it is written, with fewer digits: that changes nothing. `least`: half of the last digit.
-fn unless_rounded(field: &mut egui::Response, shown: f64, now: f64, least: f64) {
-    if !field.dragged() && (now - shown).abs() <= least * 1.001 {
-        field.flags.remove(egui::response::Flags::CHANGED);
     }
 }
 
@@ -211,16 +219,20 @@ pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
     along.sort_by(|&a, &b| by[b].abs().total_cmp(&by[a].abs()));
     let ways: Vec<&str> = along.into_iter().map(|a| WAYS[a][usize::from(by[a] > 0.0)]).collect();
     let way = ways.join(" and ");
-    let side = one.out.map_or(0.0, |out| dot(by, out) / length(by));
-    let side = match side {
-        out if out >= SIDE => "out",
-        into if into <= -SIDE => "in",
-        _ => "",
+    let out = one.out.map_or(0.0, |out| dot(by, out));
+    let side = if out > 0.0 { "out" } else { "in" };
+    // What isn't along that way by more than is written is told with how much of it is.
+    let whole = length(by);
+    let told = match (out.abs() >= SIDE * whole, whole - out.abs() < 0.05) {
+        (false, _) if way.is_empty() => format!("{whole:.1} mm"),
+        (false, _) => format!("{whole:.1} mm {way}"),
+        (true, true) if way.is_empty() => format!("{whole:.1} mm {side}"),
+        (true, true) => format!("{whole:.1} mm {side}, {way}"),
+        (true, false) if way.is_empty() => format!("{whole:.1} mm, of that {:.1} {side}", out.abs()),
+        (true, false) => format!("{whole:.1} mm {way}, of that {:.1} {side}", out.abs()),
     };
-    let ways: Vec<&str> = [side, &way].into_iter().filter(|words| !words.is_empty()).collect();
-    let way = if ways.is_empty() { String::new() } else { format!(" {}", ways.join(", ")) };
     let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
-    Some(format!("{:.1} mm{way}{voxels}", length(by)))
+    Some(told + &voxels)
 }
 
 /// How far voxels have gone (mm), where that is noticeably less than they were told to.
@@ -274,7 +286,10 @@ mod tests {
         };
         let said = |by, gone| told(&spot(by, gone), true);
         assert_eq!(said([0.0, -5.0, 0.0], [0.0, -4.9, 0.0]).unwrap(), "5.0 mm in, backwards");
-        assert_eq!(said([0.0, 5.0, 4.0], [0.0, 5.0, 4.0]).unwrap(), "6.4 mm out, forwards and up");
+        assert_eq!(
+            said([0.0, 5.0, 4.0], [0.0, 5.0, 4.0]).unwrap(),
+            "6.4 mm forwards and up, of that 5.0 out"
+        );
         let behind = said([0.0, -5.0, 0.0], [0.0, -2.7, 0.0]).unwrap();
         assert_eq!(behind, "5.0 mm in, backwards, voxels there 2.7 mm");
         assert_eq!(said([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]).unwrap(), "3.2 mm right");

@@ -24,6 +24,7 @@ mod keys;
 mod layout;
 mod made;
 mod matter;
+mod number;
 mod opened;
 mod over;
 mod pane;

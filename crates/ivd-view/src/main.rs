@@ -20,29 +20,29 @@ const AFTER: &str = "\
   ivd-view scan.nii.gz    a scan: slices at once, the rest as soon as it is made
 
 In the window: choose Handle (H) and drag a surface in any picture; Look inside, under Clip,
-opens the volume's picture; Ctrl+Z undoes; File keeps a scene, which opens again here and in
-`ivd pipeline`; ? lists what hands and keys do.";
+cuts the volume's picture open; Ctrl+Z undoes; File saves a scene, which opens again here and in
+`ivd pipeline`; ? lists the mouse and keyboard controls.";
 
-/// Shows a scan in a window, to be pulled and pressed by hand.
+/// Shows a scan in a window, where it can be deformed interactively.
 #[derive(Debug, Parser)]
 #[command(version, after_help = AFTER)]
 struct Words {
-    /// Scan, scene (.toml), log that was kept (.jsonl), or the word demo. Without it the window asks.
+    /// Scan, scene (.toml), saved log (.jsonl), or the word demo. Without it the window asks for a file.
     #[arg(value_name = "FILE|SCENE|SESSION|demo")]
     file: Option<PathBuf>,
     /// Use this scan instead of the scene's.
     #[arg(long, value_name = "FILE", requires = "file")]
     input: Option<PathBuf>,
-    /// Override a key of the scene, or of that which a scan alone is opened by, such as lattice.iso=60.
+    /// Override a key of the scene, or of the default scene that a bare scan is opened with, such as lattice.iso=60.
     #[arg(long = "set", value_name = "stage.key=value", requires = "file")]
     overrides: Vec<Override>,
-    /// Folder of the cache, or off.
+    /// Cache folder, or `off`.
     #[arg(long, value_name = "DIR|off")]
     cache: Option<PathBuf>,
-    /// Threads that work; all by default.
+    /// Worker threads. Default: one for each processor.
     #[arg(long, value_name = "N")]
     threads: Option<std::num::NonZeroU16>,
-    /// Says nothing but why it fails.
+    /// Print errors only.
     #[arg(short, long)]
     quiet: bool,
 }

@@ -1,13 +1,16 @@
 //! By what the lattice follows, and how stiff classes are.
 
-use egui::{DragValue, Ui};
+use egui::Ui;
 use ivd_frames::{Figures, Matter, Request, SolverName};
 
+use crate::number::number;
 use crate::side::list;
 use crate::window::Window;
 
 /// By how much a field changes when the pointer is dragged over it by a point (N/m).
 const SPEED: f64 = 0.5;
+/// Smallest stiffness (N/m).
+const LEAST: f64 = 1e-2;
 /// How what is pulled takes the rest along.
 const FOLLOWS: &str = "How the surface round a handle goes along. Distance alone: less the further it is, as far as the radius, as stiff everywhere. Springs: all of it resists, each place as stiff as its class, which can be chosen at the classes then; voxels stay behind where they would fold";
 /// What a class's stiffness counts for.
@@ -51,14 +54,15 @@ impl Window {
 
     fn matter(&mut self, ui: &mut Ui, Matter { class, stiffness }: &Matter) {
         let full = format!("Stiffness of class {class}, N/m");
-        let mut value = self.value(&full, stiffness.unwrap_or(0.0));
-        let field = DragValue::new(&mut value).speed(SPEED).max_decimals(2).range(1e-2..=1e6);
-        let field = match stiffness {
-            Some(_) => field,
-            // By a Young's modulus or a tissue.
-            None => field.custom_formatter(|_, _| "by the scene".to_owned()),
-        };
-        let field = ui.add(field.update_while_editing(false)).accessible_name(full.clone());
+        let mut value = self.value(&full, stiffness.unwrap_or(LEAST));
+        let field = number(ui, &full, &mut value, 2, |field| {
+            let field = field.speed(SPEED).range(LEAST..=1e6);
+            match stiffness {
+                Some(_) => field,
+                // By a Young's modulus or a tissue.
+                None => field.custom_formatter(|_, _| "by the scene".to_owned()),
+            }
+        });
         let field = field.on_hover_text(CLASSES);
         self.turned(&field, (&full, value), || Request::Material { class: *class, stiffness: value });
         ui.weak("N/m");

@@ -9,6 +9,7 @@ use crate::again::Seen;
 use crate::awaited::Awaited;
 use crate::dialogs::{Dialog, Then};
 use crate::gestures::Hands;
+use crate::handles::Typed;
 use crate::journal::left_over;
 use crate::received::Word;
 use crate::shown::Shown;
@@ -70,6 +71,7 @@ impl Window {
         (self.wish, self.making) = (None, None);
         self.seen = Seen::default();
         (self.ruler_from, self.bone_from) = (None, None);
+        (self.typed, self.selected) = (Typed::default(), None);
         self.asked = None;
         self.awaited = Awaited::default();
         self.size = ([0; 2], 0.0, true);

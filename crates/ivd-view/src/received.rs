@@ -121,12 +121,15 @@ impl Window {
             }
             let known =
                 |id: u32| self.shown.figures().is_none_or(|was| was.handles.iter().any(|one| one.id == id));
+            let added = frame.figures.handles.iter().map(|one| one.id).find(|id| !known(*id));
             if let Some(far) = frame.figures.handles.iter().find(|one| one.away_mm > AWAY && !known(one.id)) {
                 self.say(format!(
                     "Handle {} took the surface's nearest vertex, {:.1} mm away: a lower level has a closer one.",
                     far.id, far.away_mm
                 ));
             }
+            let is_there = |id: &u32| frame.figures.handles.iter().any(|one| one.id == *id);
+            self.selected = frame.figures.held.or(added).or(self.selected).filter(is_there);
             let before = self.shown.figures().and_then(refusal).map(|word| word.text);
             match refusal(&frame.figures) {
                 // What was told already isn't told again for what only looks.

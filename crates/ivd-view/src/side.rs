@@ -1,10 +1,9 @@
 //! The panel beside the pictures: what moves and how, classes, what was noted.
 
-use egui::{
-    CollapsingHeader, ComboBox, DragValue, Response, ScrollArea, Slider, SliderClamping, Ui, WidgetText,
-};
+use egui::{CollapsingHeader, ComboBox, Response, ScrollArea, Slider, SliderClamping, Ui, WidgetText};
 use ivd_frames::{Figures, MapName, Overlay, Pane, Request, WEIGHTS};
 
+use crate::number::number;
 use crate::over::name;
 use crate::window::Window;
 
@@ -25,6 +24,8 @@ const OVER: &str = "How far voxels have moved, how much they are squeezed or str
 /// Stiffness that the slider ends at (N/m).
 const STIFFEST: f64 = 1e5;
 
+/// What a radius means.
+const RADIUS: &str = "As far round the handle the surface goes along, less the further away it is. It is that of the handle that was worked on last, and of those that are made from then on";
 /// What the lattice's level means.
 const LEVEL: &str = "How coarse the net of triangles is that is pulled: 0 is the finest and slowest, each further level has about a quarter of the vertices";
 
@@ -92,11 +93,17 @@ impl Window {
 
     fn motion(&mut self, ui: &mut Ui, figures: &Figures) {
         let widest = self.extent_mm().max(1.0);
-        let mut radius = self.value("Radius", figures.radius);
-        for response in slider(ui, "Radius", "mm", &mut radius, 0.5..=widest, Scale::Ratios) {
-            let handle = figures.held;
-            let request = || Request::Radius { handle, radius: radius.max(1e-3) };
-            self.turned(&response, ("Radius", radius), request);
+        let handle = figures.held.or(self.selected);
+        let of = handle.and_then(|id| figures.handles.iter().find(|one| one.id == id));
+        let name = of.map_or_else(
+            || "Radius of the next handle".to_owned(),
+            |one| format!("Radius of handle {}", one.id),
+        );
+        let mut radius = self.value(&name, of.map_or(figures.radius, |one| one.radius));
+        for response in slider(ui, &name, "mm", &mut radius, 0.5..=widest, Scale::Ratios) {
+            let response = response.on_hover_text(RADIUS);
+            let request = || Request::Radius { handle: of.map(|one| one.id), radius: radius.max(1e-3) };
+            self.turned(&response, (&name, radius), request);
         }
         let mut stiffness = self.value("Stiffness", figures.stiffness);
         let counts = figures.stiffness_counts;
@@ -243,11 +250,9 @@ pub(crate) fn slider(
             .show_value(false);
         let slid = ui.add(slider).accessible_name(name);
         let least = if *range.start() < 0.0 { -1e6 } else { 0.0 };
-        let field = DragValue::new(value)
-            .range(least..=1e6)
-            .speed(if whole { 0.05 } else { 0.01 * range.end().min(100.0) })
-            .max_decimals(if whole { 0 } else { 2 });
-        [slid, ui.add(field.update_while_editing(false)).accessible_name(format!("{name}, as a number"))]
+        let speed = if whole { 0.05 } else { 0.01 * range.end().min(100.0) };
+        let (full, digits) = (format!("{name}, as a number"), if whole { 0 } else { 2 });
+        [slid, number(ui, &full, value, digits, |field| field.range(least..=1e6).speed(speed))]
     })
     .inner
 }

@@ -16,7 +16,7 @@ const WHERE: &str = "A click brings the slices where most is squeezed, with colo
 const STOPS: &str = "Nothing of what is worked on is done (Esc).";
 
 /// Matter that may have less of its volume left is squeezed so that one sees it.
-const SQUEEZED: f64 = 0.2;
+const SQUEEZED: f64 = 0.5;
 /// What has moved less far isn't told (mm).
 const GONE: f64 = 0.05;
 /// Voxels that are left behind by more than this share of what moves them are told of.

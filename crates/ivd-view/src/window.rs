@@ -8,6 +8,7 @@ use crate::awaited::Awaited;
 use crate::dialogs::{Dialog, Then};
 use crate::files;
 use crate::gestures::Hands;
+use crate::handles::Typed;
 use crate::layout::Layout;
 use crate::made::Wish;
 use crate::pane::places;
@@ -56,8 +57,10 @@ pub struct Window {
     pub(crate) before: Option<Before>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
-    /// Of a new handle, as it is typed.
-    pub(crate) place: String,
+    /// A handle that is typed.
+    pub(crate) typed: Typed,
+    /// The handle that was worked on last, if it is there still.
+    pub(crate) selected: Option<u32>,
     /// Where a ruler begins that is put by keyboard (mm, RAS).
     pub(crate) ruler_from: Option<[f64; 3]>,
     /// Where a bone begins that is made by keyboard.
@@ -102,7 +105,8 @@ impl Window {
             making: None,
             before: None,
             seen: Seen::default(),
-            place: String::new(),
+            typed: Typed::default(),
+            selected: None,
             ruler_from: None,
             bone_from: None,
             photograph: None,

@@ -6,7 +6,7 @@ use ivd_motion::handles::{Action, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
-use super::{Drag, Model, no_more_than, nothing_there, sheet};
+use super::{Drag, MOST_WORK, Model, no_more_than, nothing_there, sheet};
 use crate::figures::{Hovered, Refused, Spot};
 use crate::panes::Across;
 use crate::planes::value_at;
@@ -50,7 +50,7 @@ impl Model {
             return Ok(Some(Hovered { class: self.class_at(place), ..hovered }));
         }
         let rest = self.rest_of(place);
-        let vertex = sheet::pick(self.session.lattice(), rest);
+        let vertex = sheet::pick(self.session.lattice(), rest, self.side_seen(pane));
         let now = vertex.map(|pick| self.now_at(&pick));
         let volume = self.session.whole();
         let grid = volume.grid();
@@ -102,7 +102,7 @@ impl Model {
             no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
             let Some(place) = self.look(pane, at)? else { return Err(nothing_there("grab")) };
             let handle = Handle {
-                at: sheet::anchor(self.session.lattice(), self.rest_of(place)),
+                at: sheet::anchor(self.session.lattice(), self.rest_of(place), self.side_seen(pane)),
                 action: Action::Move([0.0; 3]),
                 radius: self.radius,
             };
@@ -129,7 +129,8 @@ impl Model {
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
         let is_new = taken.is_none();
-        self.drag = Some(Drag { handle, from: at, by, across, is_new, out: None, wanted: by, share: 0.5 });
+        let (wanted, share, late) = (by, 0.5, false);
+        self.drag = Some(Drag { handle, from: at, by, across, is_new, out: None, wanted, share, late });
         Ok(())
     }
 
@@ -157,7 +158,7 @@ impl Model {
         let wanted = drag.by + way;
         // Another place is another chance.
         if (wanted - drag.wanted).norm() > self.noticeable() {
-            drag.share = 0.5;
+            (drag.share, drag.late) = (0.5, false);
         }
         drag.wanted = wanted;
         self.drag = Some(drag);
@@ -216,11 +217,22 @@ impl Model {
         self.moved_cross();
     }
 
-    /// What is let go of while the hand is ahead comes as close as a few tries bring it.
+    /// The side of the surface that a pane shows, as the way to the eye; `None` for slices, which show no side.
+    pub(super) fn side_seen(&self, pane: Pane) -> Option<Vector3<f64>> {
+        (pane == Pane::Volume).then(|| Vector3::from(self.lens.axes()[2]))
+    }
+
+    /// What is let go of while the hand is ahead comes there, where that only took longer than a hand waits for; else as close as a few tries bring it.
     pub(super) fn come_closest(&mut self) -> Result<(), Error> {
         // What was stopped stays where it is.
         if self.drag.is_some_and(|drag| drag.share == 0.0) {
             return Ok(());
+        }
+        if let Some(drag) = self.drag.filter(|drag| drag.late && self.is_ahead()) {
+            self.apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, MOST_WORK)?;
+            if self.refused.is_none() || self.drag.is_some_and(|drag| drag.share == 0.0) {
+                return Ok(());
+            }
         }
         self.drag = self.drag.map(|drag| Drag { share: drag.share.max(2.0 * LEAST_SHARE), ..drag });
         self.try_closer(Instant::now() + QUICK)

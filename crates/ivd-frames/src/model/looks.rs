@@ -9,7 +9,7 @@ use serde_json::json;
 use super::Model;
 use crate::colours::Turned;
 use crate::figures::Class;
-use crate::{Error, Overlay, Pane, Subject};
+use crate::{Error, Overlay, Pane, Request, Subject};
 
 /// A mm³ (ml).
 const MILLILITRE: f64 = 1e-3;
@@ -86,13 +86,38 @@ impl Model {
         self.subject.transfer.as_ref().filter(|transfer| by_class && transfer.gradient().is_none())
     }
 
-    /// Shifts and widens the colours.
-    pub(super) fn turn(&mut self, turned: Turned) -> Result<(), Error> {
-        self.recolour(self.looks.clone(), turned)
+    /// Colours the volume's picture otherwise, as a step that can be undone.
+    pub(super) fn look_as(&mut self, request: &Request) -> Result<(), Error> {
+        match request {
+            Request::Transfer { by } => self.draw_otherwise("shift colours".to_owned(), |model| {
+                model.recolour(model.looks.clone(), model.turned.dragged(*by))
+            }),
+            Request::ResetColours => self.draw_otherwise("reset colours".to_owned(), Self::reset_colours),
+            Request::Class { class, hidden, opacity, colour } => {
+                let name = self.what_changes(*class, *hidden, colour.as_deref());
+                let colour = colour.as_deref();
+                self.draw_otherwise(name, |model| model.look_otherwise(*class, *hidden, *opacity, colour))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What it is called where a class is to look otherwise.
+    fn what_changes(&self, class: u16, hidden: bool, colour: Option<&str>) -> String {
+        let before = self.classes().into_iter().find(|one| one.id == class);
+        match before {
+            Some(before) if before.hidden != hidden => {
+                format!("{} class {class}", if hidden { "hide" } else { "show" })
+            }
+            Some(before) if colour.is_some_and(|colour| colour != before.colour) => {
+                format!("colour class {class}")
+            }
+            _ => format!("opacity of class {class}"),
+        }
     }
 
     /// Lets a class look otherwise.
-    pub(super) fn look_otherwise(
+    fn look_otherwise(
         &mut self,
         class: u16,
         hidden: bool,
@@ -106,7 +131,7 @@ impl Model {
     }
 
     /// The colours as they were at first.
-    pub(super) fn reset_colours(&mut self) -> Result<(), Error> {
+    fn reset_colours(&mut self) -> Result<(), Error> {
         self.window = self.first_window;
         self.touch(&Pane::ALL[1..]);
         self.recolour(self.first_looks(), Turned::NONE)
@@ -116,7 +141,7 @@ impl Model {
         of_subject(&self.subject)
     }
 
-    fn recolour(&mut self, looks: Looks, turned: Turned) -> Result<(), Error> {
+    pub(super) fn recolour(&mut self, looks: Looks, turned: Turned) -> Result<(), Error> {
         let transfer = self.subject.transfer.as_ref();
         self.transfer = transfer.map(|transfer| coloured(transfer, &looks, turned)).transpose()?;
         (self.looks, self.turned) = (looks, turned);

@@ -4,6 +4,7 @@ mod bones;
 mod clips;
 mod compare;
 mod cut_off;
+mod drawn;
 mod hand;
 mod looks;
 mod map;
@@ -36,6 +37,7 @@ use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
 use refusal::is_move;
+pub(crate) use window::usual_radius;
 
 /// A solve that takes longer is refused: a window that doesn't answer is worse.
 const MOST_WORK: Duration = Duration::from_secs(15);
@@ -78,6 +80,8 @@ pub struct Model {
     cut_off_mm: f64,
     hidden: spots::Hidden,
     sides: sheet::Sides,
+    /// What can be undone of what is drawn.
+    steps: drawn::Steps,
     rulers: Vec<rulers::Places>,
     /// Number of the next of them.
     next_ruler: u32,
@@ -107,6 +111,8 @@ struct Drag {
     wanted: Vector3<f64>,
     /// Where that is refused, the share of the way there that is tried next; 0: none is, as it was stopped.
     share: f64,
+    /// Whether the way there takes longer than a hand waits for.
+    late: bool,
 }
 
 impl Model {
@@ -158,6 +164,7 @@ impl Model {
             cut_off_mm: 0.0,
             hidden: spots::Hidden::default(),
             sides: sheet::Sides::default(),
+            steps: drawn::Steps::default(),
             rulers: Vec::new(),
             next_ruler: 0,
             versions: [1; 4],
@@ -256,11 +263,7 @@ impl Model {
                 self.touch(&Pane::ALL[1..]);
                 Ok(())
             }
-            Request::Transfer { by } => self.turn(self.turned.dragged(*by)),
-            Request::ResetColours => self.reset_colours(),
-            Request::Class { class, hidden, opacity, colour } => {
-                self.look_otherwise(*class, *hidden, *opacity, colour.as_deref())
-            }
+            Request::Transfer { .. } | Request::ResetColours | Request::Class { .. } => self.look_as(request),
             Request::Slice { pane, steps } => {
                 self.panes.planes.step(*pane, *steps, grid.dims())?;
                 self.hovered = None;
@@ -296,9 +299,16 @@ impl Model {
                 self.hovered = self.hover(*pane, *at)?;
                 Ok(())
             }
-            Request::Measure { pane, from, to } => self.measure(*pane, *from, *to),
-            Request::Ruler { ruler, places } => self.rule(*ruler, places),
-            Request::Unmeasure { ruler } => self.remove_ruler(*ruler),
+            Request::Measure { pane, from, to } => {
+                self.draw_otherwise("measure".to_owned(), |model| model.measure(*pane, *from, *to))
+            }
+            Request::Ruler { ruler, places } => {
+                let name = ruler.map_or_else(|| "measure".to_owned(), |ruler| format!("move ruler {ruler}"));
+                self.draw_otherwise(name, |model| model.rule(*ruler, places))
+            }
+            Request::Unmeasure { ruler } => {
+                self.draw_otherwise(format!("remove ruler {ruler}"), |model| model.remove_ruler(*ruler))
+            }
             Request::Grab { pane, at } => self.grab(*pane, *at),
             Request::Drag { to, lock } => self.drag(*to, *lock),
             Request::Adjust => {
@@ -331,7 +341,7 @@ impl Model {
                 self.set_radius(handle, (self.radius * 1.1_f64.powi(*steps)).clamp(1e-3, 1e6))
             }
             Request::Add { place, by } => {
-                let at = sheet::anchor(self.session.lattice(), *place);
+                let at = sheet::anchor(self.session.lattice(), *place, None);
                 let handle = Handle { at, action: Action::Move(*by), radius: self.radius };
                 no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
                 self.apply(Event::Add { id: None, handle })
@@ -346,7 +356,7 @@ impl Model {
                 self.check_seen_now("pin", &[*at])?;
                 no_more_than(MOST_HANDLES, self.session.settings().fixed.len())?;
                 let Some(place) = self.look(*pane, *at)? else { return Err(nothing_there("pin")) };
-                let at = sheet::anchor(self.session.lattice(), self.rest_of(place));
+                let at = sheet::anchor(self.session.lattice(), self.rest_of(place), self.side_seen(*pane));
                 let pin = Pin { at, radius: 0.5 * self.radius };
                 self.apply(Event::Pin { id: None, pin })
             }
@@ -369,12 +379,18 @@ impl Model {
             | Request::RemoveBone { .. } => self.change_part(request),
             Request::Undo => {
                 self.let_go()?;
+                if self.undo_drawn()? {
+                    return Ok(());
+                }
                 let exec = self.in_time();
                 let undone = self.session.undo(&exec);
                 self.gone(undone, &exec)
             }
             Request::Redo => {
                 self.let_go()?;
+                if self.redo_drawn()? {
+                    return Ok(());
+                }
                 let exec = self.in_time();
                 let redone = self.session.redo(&exec);
                 self.gone(redone, &exec)
@@ -421,7 +437,10 @@ impl Model {
         let exec = self.within(most);
         let moves = is_move(&event);
         match self.session.apply(event, &exec) {
-            Ok(update) => self.show(&update),
+            Ok(update) => {
+                self.steps.forget_undone();
+                self.show(&update)
+            }
             Err(error) => self.refuse(&error, &exec, (moves, most)),
         }
     }

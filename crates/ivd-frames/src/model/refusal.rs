@@ -31,6 +31,7 @@ impl Model {
         }
         let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
         self.refused = Some(if exec.cancel.is_late() {
+            self.drag = self.drag.map(|drag| Drag { late: true, ..drag });
             let most = most.as_secs();
             let other = match &self.session.settings().physics {
                 Physics::Springs(_) => "let the surface follow distance alone",

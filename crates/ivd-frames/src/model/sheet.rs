@@ -8,13 +8,15 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// The vertex that a place (mm, RAS) means; none where the nearest is too far to be picked.
-pub(super) fn pick(lattice: &Lattice, place: [f64; 3]) -> Option<Pick> {
-    nearest_and_meant(lattice, place).map(|[_, meant]| meant)
+///
+/// - `eye`: the way to who sees it, where only sheets are meant that face them: what lies behind the skin may be nearer to a place that is seen through it.
+pub(super) fn pick(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Option<Pick> {
+    nearest_and_meant(lattice, place, eye).map(|[_, meant]| meant)
 }
 
 /// The place to anchor what was put at a place (mm, RAS) at: that place where its nearest vertex belongs to its sheet, else the sheet's vertex that is nearest.
-pub(super) fn anchor(lattice: &Lattice, place: [f64; 3]) -> Anchor {
-    match nearest_and_meant(lattice, place) {
+pub(super) fn anchor(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Anchor {
+    match nearest_and_meant(lattice, place, eye) {
         Some([nearest, meant]) if nearest.vertex != meant.vertex => Anchor::NearestTo(meant.at),
         _ => Anchor::NearestTo(place),
     }
@@ -79,14 +81,15 @@ fn facing([a, b, c]: [Vector3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a))
 }
 
-fn nearest_and_meant(lattice: &Lattice, place: [f64; 3]) -> Option<[Pick; 2]> {
+fn nearest_and_meant(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Option<[Pick; 2]> {
     let nearest = *find_picks(lattice, "handle", [&Anchor::NearestTo(place)]).ok()?.first()?;
-    let vertex = vertex_of_sheet(lattice, place).unwrap_or(nearest.vertex);
+    let of_sheet = vertex_of_sheet(lattice, place, eye).or_else(|| vertex_of_sheet(lattice, place, None));
+    let vertex = of_sheet.unwrap_or(nearest.vertex);
     Some([nearest, Pick { vertex, at: lattice.world(vertex).0.into(), ..nearest }])
 }
 
-/// The vertex nearest to a place (mm, RAS) among the corners of the nearest triangle and of those round it that face as that does.
-fn vertex_of_sheet(lattice: &Lattice, place: [f64; 3]) -> Option<usize> {
+/// The vertex nearest to a place (mm, RAS) among the corners of the nearest triangle (that faces an eye) and of those round it that face as that does.
+fn vertex_of_sheet(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Option<usize> {
     let at = lattice.local_positions();
     let place = Vector3::from(place) - Vector3::from(lattice.grid().origin());
     let triangles = lattice.triangles();
@@ -98,9 +101,10 @@ fn vertex_of_sheet(lattice: &Lattice, place: [f64; 3]) -> Option<usize> {
         (closest - place).norm_squared()
     };
     let nearer = |a: (f64, usize), b: (f64, usize)| if b < a { b } else { a };
-    let all = (0..triangles.len()).into_par_iter().with_min_len(1024).map(|t| (away(t), t));
-    let (_, nearest) = all.reduce_with(nearer)?;
     let facing = |t: usize| facing(corners(t));
+    let is_seen = |t: &usize| eye.is_none_or(|eye| facing(*t).dot(&eye) > 0.0);
+    let all = (0..triangles.len()).into_par_iter().with_min_len(1024).filter(is_seen);
+    let (_, nearest) = all.map(|t| (away(t), t)).reduce_with(nearer)?;
     let normal = facing(nearest);
     let is_beside = |t: &usize| triangles[*t].iter().any(|v| triangles[nearest].contains(v));
     let is_of_sheet = |t: &usize| is_beside(t) && (*t == nearest || facing(*t).dot(&normal) > 0.0);
@@ -155,9 +159,12 @@ mod tests {
                 let place = direction.map(|c| MIDDLE + radius * c);
                 let is_outer = |at: [f64; 3]| from_middle(at) > f64::midpoint(OUTER, INNER);
                 wrong += usize::from(is_outer(vertex(&Anchor::NearestTo(place)).at) != is_outer(place));
-                let meant = vertex(&anchor(&lattice, place));
+                let meant = vertex(&anchor(&lattice, place, None));
                 assert_eq!(is_outer(meant.at), is_outer(place), "{place:?} means {:?}", meant.at);
                 far = far.max((Vector3::from(meant.at) - Vector3::from(place)).norm());
+                // From outside it is the outer side that is seen, also where the place lies within the wall or behind it.
+                let seen = vertex(&anchor(&lattice, place, Some(direction.into())));
+                assert!(is_outer(seen.at), "{place:?} means {:?}", seen.at);
             }
         }
         assert!(

@@ -1,5 +1,6 @@
 //! What a scene says of windows, and what is said there of this one.
 
+use ivd_core::Grid;
 use ivd_pipeline::scene::{RulerSection, WindowSection};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -13,13 +14,19 @@ fn same<A: Serialize, B: DeserializeOwned>(of: A) -> Option<B> {
     serde_json::to_value(of).and_then(serde_json::from_value).ok()
 }
 
+/// Reach (mm) of a handle in a volume where nobody says it: a share of its shortest side.
+pub(crate) fn usual_radius(grid: &Grid) -> f64 {
+    let [low, high] = grid.extent();
+    let side = (0..3).map(|a| high[a] - low[a]).fold(f64::INFINITY, f64::min);
+    (0.15 * side).max(f64::MIN_POSITIVE)
+}
+
 impl Model {
-    /// Reach of the next handle where nobody says it (mm): as far as the farthest goes, or a share of the volume's shortest side.
+    /// Reach of the next handle where nobody says it (mm): as far as the farthest goes, or as is usual.
     pub(super) fn first_radius(&self) -> f64 {
-        let extent = self.session.rest().grid().extent();
-        let side = (0..3).map(|a| extent[1][a] - extent[0][a]).fold(f64::INFINITY, f64::min);
+        let usual = usual_radius(self.session.rest().grid());
         let largest = self.session.settings().handles.iter().map(|one| one.radius).fold(0.0, f64::max);
-        if largest > 0.0 { largest } else { (0.15 * side).max(f64::MIN_POSITIVE) }
+        if largest > 0.0 { largest } else { usual }
     }
 
     /// Shows what a scene says that windows show.

@@ -12,4 +12,5 @@ mod scenes;
 mod scripts;
 mod service;
 mod soak;
+mod undone;
 mod verbs;

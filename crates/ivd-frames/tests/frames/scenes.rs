@@ -157,13 +157,15 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
         Subject::open(&loaded, true, &ivd_artefact::Cache::disabled(), &Exec::default(), &Tell::default())
             .unwrap();
     assert_eq!(&subject.volume, ball.session().rest());
-    assert_eq!((subject.settings.level, subject.said.len()), (0, 3));
+    // A quarter of 0.15 of the shortest side, 31 mm.
+    assert_eq!((subject.settings.level, subject.settings.max_edge), (0, Some(1.2)));
+    assert_eq!(subject.said.len(), 5, "{:?}", subject.said);
     assert!(matches!(subject.settings.map, MapChoice::Biharmonic(_)));
     assert!(subject.transfer.is_some());
     let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
     let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
     let text = String::from_utf8(kept.bytes).unwrap();
-    assert!(text.contains("method = \"biharmonic\""), "{text}");
+    assert!(text.contains("method = \"biharmonic\"") && text.contains("max_edge = 1.2"), "{text}");
     assert!(text.contains("scan.nii.gz\"") && !text.contains('‘'), "where it lies stays untold: {text}");
     assert!(bare_scene(Path::new("x.nii"), &["lattice.isu=3".parse().unwrap()]).is_err());
 }

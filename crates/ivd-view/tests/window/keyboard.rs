@@ -142,13 +142,36 @@ fn a_press_is_typed_as_how_far_it_goes_in_and_a_key_removes_it() {
 }
 
 #[test]
+fn numbers_with_more_digits_than_are_written_stay_as_they_are_where_keys_pass_by() {
+    let mut here = Here::ball();
+    tab_to(&mut here, "Place of a new handle, at rest, mm");
+    typed(&mut here, "16, 28, 16");
+    here.told("a handle", |told| told.handles.len() == 1);
+    tab_to(&mut here, "Handle 0: radius, mm");
+    typed(&mut here, "5.0437");
+    here.told("a radius", |told| told.handles[0].radius == 5.0437);
+    here.settle();
+    let before = here.figures().clone();
+    here.harness.key_press(Key::Escape);
+    // Once round all of the window, and past the field again.
+    for _ in 0..2 {
+        tab_to(&mut here, "Handle 0: radius, mm");
+        here.harness.key_press(Key::Tab);
+        here.harness.step();
+    }
+    here.settle();
+    let after = here.figures();
+    assert_eq!((&after.handles, &after.undo), (&before.handles, &before.undo));
+}
+
+#[test]
 fn the_list_of_keys_comes_by_a_key_and_goes_by_one() {
     let mut here = Here::ball();
     here.harness.key_press(Key::Questionmark);
-    here.until("the list", |here| here.has("What hands and keys do"));
+    here.until("the list", |here| here.has("Mouse and keyboard"));
     for (keys, _) in ivd_frames::KEYS {
         assert!(here.has(keys), "{keys}");
     }
     here.harness.key_press(Key::Escape);
-    here.until("the pictures", |here| !here.has("What hands and keys do"));
+    here.until("the pictures", |here| !here.has("Mouse and keyboard"));
 }
