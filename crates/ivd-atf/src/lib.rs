@@ -3,13 +3,13 @@
 //! A volume picture needs to know which values are visible, in which colour and how opaque. [`transfer`] reads that from
 //! the classes of a segmentation (thesis 4.2.2): each class gives one entry, whose
 //!
-//! - **role** is background, which is clear, material, or the transition between two materials, which has nothing of its own,
+//! - **role** is background (transparent), material, or transition between two materials (with no colour or opacity of its own),
 //! - **colour** looks like tissue, is one of eight that any eye tells apart, or goes by value,
 //! - **edges** lie where its Gaussian posterior meets that of its neighbours in intensity, softened by the spread; as the
 //!   posterior weighs a class by its voxel count, a class of many voxels is *wider*,
 //! - **opacity** makes every material visible by what it would cover alone and how much of it lies in front.
 //!
-//! A table over the value alone can't split two classes of equal value, so that the result has the class label as its
+//! A table over the value alone can't split two classes of equal value, so the result has the class label as its
 //! second axis: one row for each class, and row 0, the union of all, for pictures without labels. Where values tell all classes apart the
 //! rows are the same.
 //!

@@ -74,7 +74,7 @@ pub struct Params {
     /// Greatest opacity over the reference length; by border strength, that of the most prominent class.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub max_opacity: f64,
-    /// Opacity below which no material falls, at most `max_opacity`: a class that hardly stands out stays visible. A material that no ray meets
+    /// Least opacity of a material, at most `max_opacity`: a class that hardly stands out stays visible. A material that no ray meets
     /// has `max_opacity`: it hides nothing.
     #[schemars(range(min = 0.0, max = 1.0), extend("x-unit" = "1"))]
     pub min_opacity: f64,
@@ -87,7 +87,7 @@ pub struct Params {
     pub softness: f64,
     /// Isovalue that splits the volume, where it isn't coloured by its classes. What lies above is then the only material, and has the greatest
     /// opacity by either rule; its colour is that of `palette` at this value.
-    #[schemars(extend("x-unit" = "that of the values", "x-from" = "lattice.iso", "x-unless" = "boundary.class"))]
+    #[schemars(extend("x-unit" = "real units", "x-from" = "lattice.iso", "x-unless" = "boundary.class"))]
     pub iso: Option<f64>,
 }
 

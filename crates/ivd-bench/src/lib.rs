@@ -3,7 +3,7 @@
 //! A stage registers an [`Experiment`]: its knobs at several values ([`Setting`]s), what the truth is, and how far a result is from it, with a unit.
 //! [`run`] sweeps the settings in turn, several times over, so that a machine that slows down slows all of them, and gives a [`Bench`]: wall and
 //! processor time (median and spread), peak memory, counters and error of every point, and which points no other beats in both processor
-//! time and error (the front).
+//! time and error (the Pareto front).
 //!
 //! [`fronts`] and [`rates`] record what a bench found, for the checks of the defaults and for budgets. [`compare`] holds a bench against an older one of the same machine; [`page`] and [`table`] show it.
 //!

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ComponentParams {
-    /// The class whose part is isolated: an id, densest or largest (air apart). Without it that at the seed, and without a seed the
+    /// The class whose part is isolated: an id, densest or largest (except air). Without it the class at the seed, and without a seed the
     /// largest.
     #[schemars(extend("x-unit" = "1"))]
     pub class: Option<ClassChoice>,

@@ -1,7 +1,7 @@
 //! Budgets: a wall time that a run may take, and an error that its result may have.
 //!
-//! Knobs are chosen by the recorded [`fronts`]. The scene's values are those asked for. A time budget takes coarser ones where
-//! these are predicted to take too long, and stops the work at the deadline. An error budget takes the cheapest refinement and time
+//! Knobs are set from the recorded [`fronts`] (Pareto fronts of time against error). The scene's values are the requested ones. A time budget takes coarser
+//! values if those are predicted to take too long, and stops the work at the deadline. An error budget takes the cheapest refinement and time
 //! steps that are predicted to hold it, measures what came of them, and takes finer ones until the measured error holds.
 //!
 //! [`run`] runs a scene within a [`Budget`]. It lies above the pipeline, which only asks whatever controls a run

@@ -40,10 +40,10 @@ pub(crate) struct Global {
     /// Print exactly one JSON object on stdout.
     #[arg(long, global = true)]
     pub(crate) json: bool,
-    /// What computes where a GPU knows how (pictures, counts, labels, lattices, warps): the CPU or the GPU.
+    /// Whether the CPU or the GPU does what a GPU can do (pictures, histograms, labels, lattices, warped volumes).
     #[arg(long, global = true, value_enum, default_value_t = BackendChoice::Auto)]
     pub(crate) backend: BackendChoice,
-    /// Fail with exit code 6 unless a GPU does all that GPUs know how to do.
+    /// Fail with exit code 6 unless a GPU does all the work that a GPU can do.
     #[arg(long, global = true)]
     pub(crate) require_gpu: bool,
     /// Disable all skipping: the same output, slower. For measuring what skipping saves.
@@ -55,7 +55,7 @@ pub(crate) struct Global {
     /// Use only the processor's baseline instructions (no AVX2); the results are the same, and tests show it.
     #[arg(long, global = true, hide = true)]
     pub(crate) no_simd: bool,
-    /// Most memory that the work may hold of its own, mapped files apart, such as 4GiB; below 64MiB it counts large arrays alone.
+    /// Most memory that the work may use, such as 4GiB, not counting mapped files; below 64MiB only large arrays count.
     #[arg(long, global = true, value_name = "SIZE", value_parser = parse::bytes)]
     pub(crate) memory_limit: Option<u64>,
     /// Read a stage's parameters from a TOML file; the keys are those of its section in a scene.
@@ -70,7 +70,7 @@ pub(crate) struct Global {
     /// Print more; given twice, still more.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
-    /// Signs of life on stderr.
+    /// Progress on stderr.
     #[arg(long, global = true, value_enum, default_value_t = When::Auto)]
     pub(crate) progress: When,
 }
@@ -82,7 +82,7 @@ pub(crate) enum BackendChoice {
     Auto,
     /// The CPU.
     Cpu,
-    /// The GPU, for what it knows how to do; the CPU does the rest. The variable IVD_ADAPTER names one of several.
+    /// The GPU, for what it can do; the CPU does the rest. The environment variable IVD_ADAPTER names one of several.
     Gpu,
 }
 
@@ -118,7 +118,7 @@ pub(crate) enum Command {
         /// Treat what isn't 0 as inside and write a mask artefact.
         #[arg(long)]
         mask: bool,
-        /// Take a field of vectors (.nrrd, .nii) for a displacement in mm, certify it and write a displacement artefact:
+        /// Read a vector field (.nrrd, .nii) as a displacement in mm, certify it and write a displacement artefact:
         /// inverse, from the deformed to the rest, as ITK, ANTs and 3D Slicer resample, or forward. Files that `ivd export` wrote say it
         /// themselves.
         #[arg(long, value_name = "inverse|forward", num_args = 0..=1, require_equals = true,
@@ -172,7 +172,7 @@ pub(crate) enum Command {
     Export {
         /// Artefact.
         artefact: PathBuf,
-        /// nii, nii.gz, nrrd, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp, with --lattice pvd; png; vp.json, paraview.json; json.
+        /// nii, nii.gz, nrrd, nhdr, mha, mhd, vti, tif, raw; ply, obj, stl, glb, vtp, and pvd with --lattice; png, apng, gif, exr; vp.json, paraview.json; json.
         #[arg(short, long)]
         output: PathBuf,
         /// Of a lattice with coarser levels beside it: which, 0 the lattice itself.
@@ -198,7 +198,7 @@ pub(crate) enum Command {
     Info {
         /// Artefact, volume file or folder.
         file: PathBuf,
-        /// Of a DICOM folder: the series that it holds, with the word by which --series of import takes each; with one (--series=3) what
+        /// Of a DICOM folder: the series that it holds, each with the value that `ivd import --series` takes for it; with one (--series=3), what
         /// that series holds.
         #[arg(long, value_name = "SERIES", num_args = 0..=1, require_equals = true, conflicts_with_all = ["vertex", "voxel"])]
         #[allow(clippy::option_option, reason = "not given, alone, or with a word")]
@@ -206,42 +206,43 @@ pub(crate) enum Command {
         /// Of a lattice: which voxel this vertex belongs to, and where it is.
         #[arg(long, value_name = "N")]
         vertex: Vec<u32>,
-        /// Of a lattice: the vertices that this voxel has.
+        /// Of a lattice: the vertices that belong to this voxel.
         #[arg(long, value_name = "X,Y,Z", value_parser = parse::voxel, allow_hyphen_values = true)]
         voxel: Vec<[i64; 3]>,
         /// Of a volume, labels or a mask: the voxel at this place (mm, RAS), its value or class.
         #[arg(long, value_name = "X,Y,Z", value_parser = parse::place, allow_hyphen_values = true, conflicts_with_all = ["vertex", "voxel"])]
         at: Vec<[f64; 3]>,
-        /// With --at: labels on the same grid, whose class there is told too. A mask's artefact is told as by --mask.
+        /// With --at: labels on the same grid, whose class there is reported too. A mask artefact is treated as with --mask.
         #[arg(long, value_name = "FILE", requires = "at")]
         labels: Option<PathBuf>,
-        /// With --at: a mask on the same grid; whether the place is inside is told too.
+        /// With --at: a mask on the same grid; whether the place is inside is reported too.
         #[arg(long, value_name = "FILE", requires = "at")]
         mask: Option<PathBuf>,
     },
-    /// Measures the error between two artefacts of one kind. Classes of labels are matched one to one, by the largest sum of Dice. A file of
-    /// another program is taken for what the artefact beside it is: a volume, labels or a mask; two of them for volumes, or labels with
-    /// --labels.
+    /// Measures the error between two artefacts of one kind.
+    ///
+    /// Classes of labels are matched one to one, so that the sum of their Dice coefficients is largest. A file from another program is read
+    /// as the same kind as the artefact that it is compared with: a volume, labels or a mask. Two such files are read as volumes, or as labels with --labels.
     Compare {
         /// First artefact, or volume file.
         a: PathBuf,
         /// Second artefact, or volume file.
         b: PathBuf,
-        /// Take the numbers of volumes for labels: the overlap of each label (Dice) is told, not the difference of numbers.
+        /// Read the values of volumes as labels: report the overlap of each label (Dice), not the difference of values.
         #[arg(long)]
         labels: bool,
     },
     /// Measures run time against error for every stage with an accuracy setting: bench.json, bench.csv and a page.
     Bench(Bench),
-    /// Shows a scan in a browser on this machine, to be pulled and pressed by hand; prints the links to open.
+    /// Shows a scan in a browser on this machine, where it can be deformed interactively; prints the links to open.
     Serve(ServeArgs),
-    /// Shows a scan in a window, to be pulled and pressed by hand.
+    /// Shows a scan in a window, where it can be deformed interactively.
     View(ViewArgs),
     /// Reports on this machine: threads, memory, SIMD, GPU; what is switched off, and why.
     Doctor,
     /// Prints the JSON Schema of a scene.
     Schema,
-    /// Shows the cache's size and entries, or clears it.
+    /// Shows the cache's size and entries, prunes it, or clears it.
     Cache {
         /// What to do.
         #[command(subcommand)]
@@ -329,7 +330,7 @@ pub(crate) struct Pipeline {
 pub(crate) enum CacheAction {
     /// Size and entries.
     Show,
-    /// Drop the entries that were unused for longest, down to a size.
+    /// Drop the least recently used entries, until the cache is no larger than a given size.
     Prune {
         /// Size to keep, such as 2GiB.
         #[arg(long, value_name = "SIZE", value_parser = parse::bytes, default_value = "2GiB")]

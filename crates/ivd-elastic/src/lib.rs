@@ -1,15 +1,15 @@
-//! Elastic matter on the cells of an octree, and the motion in which its forces cancel.
+//! Elastic material on the cells of an octree, and the displacement at which its forces are in equilibrium.
 //!
 //! ```text
-//! u minimises  ∫ W(x, I + ∇u) + what pulls and loads,   u as prescribed where that is said,   u = 0 on the border of Ω
+//! u minimises  ∫ W(x, I + ∇u) + pulls and loads,   u as prescribed where it is prescribed,   u = 0 on the border of Ω
 //! ```
 //!
-//! - `W` is the compressible neo-Hookean energy of [`Lame`], so that turns cost nothing.
+//! - `W` is the compressible neo-Hookean energy of [`Lame`], so rotations cost no energy.
 //! - [`Cells`] cut Ω, a union of balls, into hexahedra: the leaves of a 2:1 balanced octree, fine where it is asked and at borders between
 //!   kinds of matter. Nodes that hang on a coarser cell take its values, so that the field is continuous ([`Mesh`]). Every node lies at a
 //!   voxel's centre.
 //! - A [`Body`] has eight Gauss points in a cell, Lamé's constants at each the mean over its octant. Cells that aren't wholly in Ω are left
-//!   out and their nodes held; the end of the grid is natural.
+//!   out and their nodes held; the end of the grid has natural boundary conditions.
 //! - [`Body::balance`] is Newton's method with a line search that keeps `J > 0` at the Gauss points.
 //!
 //! Trilinear displacements lock as ν → 1/2, hence ν ≤ 0.45.

@@ -69,9 +69,9 @@ pub fn is_cell(field: &'static str, edge: Option<u8>) -> Result<(), ParamError> 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Limit {
-    /// It is refused, with the share of the way that can be gone.
+    /// Refuse the motion, and report what fraction of it is possible.
     #[default]
     Refuse,
-    /// As much of the way is gone as can be; figures tell how much.
+    /// Go as far as possible; the figures say how far.
     Stop,
 }

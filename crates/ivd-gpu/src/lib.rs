@@ -1,10 +1,10 @@
 //! Passes of IVD on graphics processors, through wgpu: Vulkan, Metal and Direct3D 12.
 //!
 //! [`Gpu::open`] opens an adapter, or says in words why there is none; [`device`] makes of it what an [`ivd_core::Exec`] takes as its
-//! `device`: the forms of those kernels that are known here ([`KERNELS`]). Every other pass stays the processor's, and the record of a run says who
-//! made which. Kernels hold one of these promises against the processor:
+//! `device`: the forms of those kernels that are known here ([`KERNELS`]). Every other pass runs on the CPU, and the record of a run says which
+//! ran where. Kernels hold one of these promises against the processor:
 //!
-//! - **equal**: the same bytes on every device (whole numbers, comparisons, and sums of doubles whose products no driver joins with them);
+//! - **equal**: the same bytes on every device (whole numbers, comparisons, and sums of doubles in which no driver fuses a multiplication with an addition);
 //! - **close**: within a tolerance that the suite holds; such results have a cache key of their own, one for all devices.
 //!
 //! | kernel | promise |
@@ -16,9 +16,9 @@
 //! | `warp/linear`: voxels that move, trilinearly; the processor makes those that need more than eight voxels of data | equal, on devices with numbers of 64 bits; others leave it |
 //! | `render/cast`: rays of direct volume rendering, maximum and first hit; labelled, shaded, by gradient, deformed | close: 2e-6 of linear light, but for pixels, one in 10⁵, whose ray is rounded the other way and meets a hard edge |
 //!
-//! All kernels give the same bytes from run to run on one device and driver. Nothing is read back that wasn't written: every result ends in words
-//! that tell, a device that fails is opened again once, and what fails twice is an error that names the pass. What a device has no room for is the
-//! processor's.
+//! All kernels give the same bytes from run to run on one device and driver. Nothing is read back that wasn't written: every result ends in status
+//! words that show whether it is complete, a device that fails is opened again once, and what fails twice is an error that names the pass. What doesn't fit into a device's memory is done
+//! by the CPU.
 //!
 //! Shaders lie in the workspace's folder `shaders`, a file for each kernel, and are put together here ([`shader`]).
 

@@ -64,13 +64,13 @@
 //!
 //! `r` is trilinear on cells of some 4³ voxels in the same `Ω`, 0 with its slope on `∂Ω`; the integral is in world space. `A` is
 //! the affine motion of the whole lattice where that explains it to a quarter, and exact in the balls. Motion is smooth through
-//! the lattice, rotations are followed inside, and neither depth nor weight is to be chosen. A motion that folds in one step is
-//! made in up to 16 and more, each from where the one before has brought the vertices.
+//! the lattice, rotations are followed inside, and there is no depth or weight to choose. A motion that folds in one step is
+//! made in parts, down to a sixteenth of it, each from where the one before has brought the vertices.
 //!
 //! # The field of `fem`
 //!
-//! In the same `Ω` the equilibrium of neo-Hookean matter, softer outside the lattice ([`FemParams::filler`]), whose vertices move as
-//! they are told to; on hexahedra that are finest round the lattice. See its page.
+//! The equilibrium of a neo-Hookean material in the same `Ω`, softer outside the lattice ([`FemParams::filler`]), whose vertices have
+//! prescribed motion. The hexahedra are finest around the lattice. See its page.
 //!
 //! # The field of `body`
 //!

@@ -111,7 +111,7 @@ impl Default for Band {
 pub struct OctreeParams {
     /// How the motion fades with depth inside the lattice.
     pub weight: DepthWeight,
-    /// Depth at which it has faded. Without it the largest reach of a handle, at least four times the largest motion.
+    /// Depth at which the motion has faded to 0. Without it the largest reach of a handle, at least four times the largest motion.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub depth: Option<f64>,
     /// Beyond the lattice.
@@ -152,7 +152,7 @@ pub struct FemParams {
     /// Young's modulus of what lies outside the lattice, relative to the inside's.
     #[schemars(range(min = 0.0001, max = 1.0), extend("x-unit" = "1"))]
     pub filler: f64,
-    /// Elasticity by class where labels are given, inside the lattice and outside, there not with `outside = "free"`.
+    /// Elasticity by class where labels are given, inside the lattice and outside (inside only with `outside = "free"`).
     pub material: BTreeMap<u16, Elastic>,
     /// Beyond the lattice.
     #[serde(flatten)]

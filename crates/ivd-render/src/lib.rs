@@ -1,7 +1,7 @@
 //! Pictures of scanned volumes, and of deformed ones, cast ray by ray on the processor.
 //!
 //! [`render`] takes a [`Scene`] (a volume and what to show of it) and [`RenderParams`] (size, mode, view, step) and gives a [`Rendered`]
-//! picture. It is the reference that every faster renderer is held against, so that its decisions are few and written down:
+//! picture. It is the reference for every faster renderer, so its decisions are few and written down:
 //!
 //! - **Optics.** Emission and absorption with the premultiplied over operator, front to back, post-classified, or pre-integrated between the ends of
 //!   steps; the opacity of a transfer function
@@ -11,7 +11,7 @@
 //!   centres values are trilinear, beyond the outermost ones constant. A cell with a missing (NaN) corner is clear.
 //! - **Deformation.** A deformed volume is sampled through its inverse displacement, `f(ψ(y))`, with normals `J⁻ᵀ∇f`; no voxel is resampled, and
 //!   where no displacement is stored the pixels are those of the undeformed volume, bit for bit.
-//! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are leapt over. On or off, the
+//! - **Skipping.** Bricks whose range of values is clear under the transfer function (for the rows that their labels choose) are skipped. On or off, the
 //!   pixels are the same bit for bit; so are they for any number of threads, and whether rays are cast one by one or eight at a time.
 //! - **Clipping.** Half spaces and boxes in world space shorten rays, so that steps begin at the cut; at rest they hide samples by where these come from.
 //! - **View.** Azimuth 0 and elevation 0 show a patient from the front, head up, the patient's left at the picture's right. At zoom 1 what is

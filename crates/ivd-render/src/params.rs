@@ -159,7 +159,7 @@ pub struct View {
     #[serde(rename = "view", deserialize_with = "written::angles")]
     #[schemars(with = "written::Angles", extend("x-unit" = "degrees"))]
     pub angles: [f64; 2],
-    /// Magnification; at 1 what `fit` names fits.
+    /// Magnification; at 1 the picture shows what `fit` selects.
     #[schemars(range(min = 0.001, max = 1_000_000.0), extend("x-unit" = "1"))]
     pub zoom: f64,
     /// Parallel or perspective.
@@ -173,8 +173,8 @@ pub struct View {
     /// Angle across the picture's shorter side at zoom 1, in perspective: the wider, the nearer the eye.
     #[schemars(range(min = 1.0, max = 150.0), extend("x-unit" = "degrees"))]
     pub field_of_view: f64,
-    /// In perspective the eye's distance from what lies in the middle of the picture; it may lie inside the volume. Without it as far away as shows at zoom 1
-    /// what `fit` names.
+    /// In perspective, the distance from the eye to what lies in the middle of the picture; the eye may lie inside the volume. Default: the distance at which zoom 1 shows
+    /// what `fit` selects.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub distance: Option<f64>,
 }
@@ -245,7 +245,7 @@ pub struct RenderParams {
     pub turntable: usize,
     /// Whether the light that a picture is made of is kept beside it, as `.exr` files hold it: linear, without background, letters and outline.
     pub keep_light: bool,
-    /// Pixels (of the first picture of a turntable), as column and row from the top left, of which it is told what they show: the place in the patient, before and after the deformation, with voxel, value
+    /// Pixels (of the first picture of a turntable), as column and row from the top left, to report on: what each shows, which is the place in the patient, before and after the deformation, with voxel, value
     /// and label.
     #[schemars(extend("x-unit" = "pixels"))]
     pub picks: Vec<[usize; 2]>,

@@ -32,14 +32,14 @@ const OPAQUE: f32 = 0.999;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Surroundings {
-    /// Ambient occlusion: rays that find how much of what a place faces is open, about every place that is lit, fewer where it adds little to its pixel; 0 for none. The more, the
-    /// less noise.
+    /// Ambient occlusion: rays per lit sample that find how much of the hemisphere above it is open, fewer where the sample adds little to its pixel; 0 for none. More rays
+    /// give less noise.
     #[schemars(range(max = MOST_RAYS), extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub ao: u32,
     /// How far these rays reach; without it a sixteenth of the volume's diagonal.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub ao_radius: Option<f64>,
-    /// Whether what lies between the lamp and a place shades it.
+    /// Whether what lies between the light source and a sample shades it.
     pub shadow: bool,
     /// Chooses the directions of the rays.
     #[schemars(extend("x-unit" = "1"))]

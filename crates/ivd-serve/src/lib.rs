@@ -1,13 +1,13 @@
-//! A session in a browser, on this machine alone: one page without build step, frames out and gestures in over one WebSocket.
+//! A session in a browser, on this machine alone: one page with no build step, frames out and gestures in over one WebSocket.
 //!
 //! Who may do what:
 //!
 //! - It listens on 127.0.0.1, or on a socket in the file system that only its owner opens; nothing else is possible. From elsewhere `ssh -L` leads there.
 //! - `Host` names this machine (`localhost`, `127.0.0.1`, `[::1]`, any port: a tunnel has its own), and a socket's `Origin` is that host: pages of
-//!   other sites, and names that were made to mean this machine, are refused.
-//! - A token of 128 bits from the system stands in the link's fragment, which no request holds, and is the socket's first message, within five seconds. Another
-//!   one lets watch, and do nothing.
-//! - One drives, others watch. Whoever drives hands over, or may be relieved after half a minute without a word; what a lost driver held is abandoned.
+//!   other sites, and host names that were made to resolve to this machine (DNS rebinding), are refused.
+//! - A token of 128 bits from the system stands in the link's fragment, which no request holds, and is the socket's first message, within five seconds. A second
+//!   token allows watching only.
+//! - One drives, others watch. The driver hands over, or may be replaced after half a minute of silence; what a disconnected driver held is let go of.
 //! - Messages have at most 64 KiB, connections are at most eight, and each has at most one frame waiting here. What is asked for is a list of its own
 //!   ([`ivd_frames::Request`]) whose costs are bounded before anything is computed; it names no file, and no frame does.
 #![forbid(unsafe_code)]

@@ -100,7 +100,7 @@ pub struct SurfaceParams {
     #[schemars(extend("x-unit" = "value"))]
     pub window: Option<[f64; 2]>,
     /// Weight φ of smoothness against fit (thesis, equation 4.12); without it chosen by noise and contrast. The border's area weighs
-    /// φ / (1 − φ) × half the difference of what a voxel costs on its right and on its wrong side, a mean voxel's edge.
+    /// φ / (1 − φ) × the mean edge of a voxel × half the difference between what a voxel costs on its wrong side and on its right side.
     #[schemars(range(min = 1e-6, max = 0.999_999), extend("x-unit" = "1"))]
     pub phi: Option<f64>,
     /// How the border's area is measured at the end. Cuts are solved over the whole volume until no lower energy is possible: minutes at

@@ -13,7 +13,7 @@ use crate::parse;
 /// Arguments of `ivd combine`.
 #[derive(Debug, Args)]
 pub(crate) struct CombineArgs {
-    /// Two to eight operands of one kind: volumes (artefacts or files), labels or masks (artefacts). The result lies on the first
+    /// Two to eight operands: volumes (artefacts or files), labels or masks (artefacts). The result has the first one's kind and lies on the first
     /// one's grid; others are read there by world position.
     #[arg(required = true, num_args = 2..=8, value_name = "OPERAND")]
     pub(crate) operands: Vec<PathBuf>,
@@ -57,14 +57,14 @@ impl From<OpChoice> for Op {
 pub(crate) struct ClipArgs {
     /// Volume artefact or file, labels artefact, or mask artefact.
     pub(crate) volume: PathBuf,
-    /// 'point=x,y,z;normal=x,y,z' (mm): keep the voxels whose middles lie on the side that the normal points to, or on the plane. A lattice of
-    /// what is kept ends between voxels: up to a voxel from the plane, in steps where it runs askew.
+    /// 'point=x,y,z;normal=x,y,z' (mm): keep the voxels whose centres lie on the side that the normal points to, or on the plane. A lattice of
+    /// what is kept ends between voxels: up to a voxel from the plane, in steps if the plane is oblique.
     #[arg(long, value_name = "PLANE", value_parser = plane)]
     pub(crate) plane: Vec<HalfSpace>,
-    /// 'min=x,y,z;max=x,y,z' (mm): keep the voxels whose middles lie in a box along the world's axes, or on its faces.
+    /// 'min=x,y,z;max=x,y,z' (mm): keep the voxels whose centres lie in a box along the world axes, or on its faces.
     #[arg(long = "box", value_name = "BOX", value_parser = cuboid)]
     pub(crate) boxes: Vec<Cuboid>,
-    /// Keep the voxels that a mask or labels (artefact) tag; on another grid the nearest voxel counts. Several are made one by
+    /// Keep the voxels that a mask or labels (artefact) tag; on another grid the nearest voxel counts. Join several with
     /// `ivd combine`.
     #[arg(long, value_name = "MASK|LABELS")]
     pub(crate) tag: Option<PathBuf>,

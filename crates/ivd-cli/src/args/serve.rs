@@ -12,7 +12,7 @@ pub(crate) struct ServeArgs {
     /// Use this scan instead of the scene's.
     #[arg(long, value_name = "FILE")]
     pub(crate) input: Option<PathBuf>,
-    /// Override a key of the scene, or of that which a scan alone is opened by, such as lattice.iso=60.
+    /// Override a key of the scene, or of the default scene that a bare scan is opened with, such as lattice.iso=60.
     #[arg(long = "set", value_name = "stage.key=value")]
     pub(crate) overrides: Vec<Override>,
     /// Port on 127.0.0.1; 0 for any that is free. From another machine: ssh -L PORT:127.0.0.1:PORT.

@@ -104,7 +104,17 @@ pub(super) fn with_arguments(mut command: Command, offer: &Offer) -> Command {
 /// What a file for a slot may hold.
 fn slot_help(stage: &Stage, slot: &str) -> String {
     let kinds = slot_kinds(stage, slot);
-    if kinds.starts_with(slot) { upper(&kinds) } else { format!("{}: {kinds}", upper(slot)) }
+    let about = match slot {
+        "blocked" => "Voxels that no seed may take",
+        "part" => "The part to edit",
+        "other" => "What the part is combined with",
+        "after" => "The displacement to go on from",
+        "framing" => "A displacement that the camera leaves room for, without showing it",
+        "whole" => "The volume that camera and window go by, instead of the one that is shown",
+        _ if kinds.starts_with(slot) => return upper(&kinds),
+        _ => &upper(slot),
+    };
+    format!("{about}: {kinds}")
 }
 
 /// Kinds that fill a slot. A volume may lie in a file of any format, and so may labels or a mask that another program drew, where a volume

@@ -25,14 +25,14 @@ pub(crate) fn flags() -> [Arg; 4] {
             .value_name("FILE")
             .value_parser(path())
             .conflicts_with_all(["labels", "class", "mask", "iso", "min_part", "parts"])
-            .help("A closed mesh of another program (.ply, .obj, .stl, .glb, .vtp) to take for the lattice"),
+            .help("A closed mesh from another program (.ply, .obj, .stl, .glb, .vtp) to use as the lattice"),
         Arg::new("weld")
             .long("weld")
             .value_name("MM")
             .value_parser(clap::value_parser!(f64))
             .allow_hyphen_values(true)
             .requires("mesh")
-            .help("Vertices of the mesh no further apart than this are one"),
+            .help("Merge vertices of the mesh that are no further apart than this"),
         Arg::new("allow_open")
             .long("allow-open")
             .action(ArgAction::SetTrue)

@@ -40,10 +40,10 @@ const SLACK: f64 = 1e-12;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Histogram {
     /// Lower end of the first bin, in the unit of its values.
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub lower: f64,
     /// Upper end of the last bin.
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub upper: f64,
     /// Number of values in each bin.
     #[schemars(extend("x-unit" = "1"))]

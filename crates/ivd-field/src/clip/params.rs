@@ -31,10 +31,10 @@ pub struct Cuboid {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ClipParams {
-    /// Half spaces that are kept, each with its plane: the voxels whose middles lie there. A lattice of what is kept ends up to a voxel from the plane.
+    /// Half spaces that are kept, each with its plane: the voxels whose centres lie there. A lattice of what is kept ends up to a voxel from the plane.
     #[schemars(extend("x-alias" = ["plane"]))]
     pub planes: Vec<HalfSpace>,
-    /// Boxes along the world's axes that are kept, with their faces: the voxels whose middles lie there.
+    /// Boxes along the world's axes that are kept, with their faces: the voxels whose centres lie there.
     #[schemars(extend("x-alias" = ["box"]))]
     pub boxes: Vec<Cuboid>,
     /// Of labels that tag: the class meant; without it every label but 0.
@@ -44,7 +44,7 @@ pub struct ClipParams {
     pub invert: bool,
     /// Value (for labels an id, for a mask 0 or 1) of what is thrown away. Without it the smallest real value of the volume; 0 for
     /// labels and masks.
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub background: Option<f64>,
 }
 

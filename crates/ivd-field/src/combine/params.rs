@@ -66,7 +66,7 @@ pub struct CombineParams {
     pub op: Op,
     /// Windows `[lo, hi]` of the opacity (real units of the operand), `lo < hi`: none (each volume's own range), one for all
     /// operands, or one for each. Labels and masks have none.
-    #[schemars(extend("x-unit" = "that of the values", "x-alias" = ["window"]))]
+    #[schemars(extend("x-unit" = "real units", "x-alias" = ["window"]))]
     pub windows: Vec<[f64; 2]>,
 }
 

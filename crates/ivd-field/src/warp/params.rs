@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
-    /// The nearest voxel; half way the one with the higher index.
+    /// The nearest voxel; halfway between two, the one with the higher index.
     Nearest,
     /// Trilinear over 8 voxels.
     #[default]
@@ -21,8 +21,8 @@ pub struct WarpParams {
     /// How values between voxels are found; labels and masks always take the nearest.
     #[schemars(extend("x-knob" = "accuracy"))]
     pub order: Order,
-    /// Real value (for labels an id) of voxels whose origin lies outside the volume, is no data, or that a part has left. Without it
+    /// Real value (for labels an id) of voxels that come from outside the volume or from missing data, or that a part has moved away from. Without it
     /// the smallest real value of the volume; for labels the class with the lowest mean.
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub background: Option<f64>,
 }

@@ -50,7 +50,7 @@ pub struct ElasticParams {
     /// Young's modulus of what lies inside the lattice and has no class of its own.
     #[schemars(range(min = 1e-6, max = 1e9), extend("x-unit" = "kPa"))]
     pub kpa: f64,
-    /// Poisson's ratio ν of it: how much it keeps its volume. Beyond 0.45 the cells would be far too stiff.
+    /// Poisson's ratio ν of what lies inside the lattice and has no class of its own: how much it keeps its volume. Beyond 0.45 the cells would be far too stiff.
     #[schemars(range(min = 0.0, max = 0.45), extend("x-unit" = "1"))]
     pub poisson: f64,
     /// Young's modulus of what lies outside the lattice and has no class of its own, relative to `kpa`: air by default. Its ν is 0.4.
@@ -59,15 +59,15 @@ pub struct ElasticParams {
     /// What classes are made of, where labels are given, inside the lattice and outside.
     #[serde(deserialize_with = "by_class")]
     pub material: BTreeMap<u16, Material>,
-    /// Whether the values of the volume are Hounsfield's and say what has no class of its own: air, lung, fat, bone, which stays, and else
-    /// what `kpa` and `poisson` say; outside the lattice as inside.
+    /// Whether the volume is in Hounsfield units, which then decide what a voxel without a class of its own is: air, lung, fat, or bone, which stays, and otherwise
+    /// what `kpa` and `poisson` say; outside the lattice as well as inside.
     pub hounsfield: bool,
-    /// Radius of the ball of matter round a handle's vertex that it has hold of: the inner half goes with it as one. Without
+    /// Radius of the ball of material around a handle's vertex that the handle grips: the inner half moves with it as one. Without
     /// it a fifth of the handle's radius, at least three cells, and twice as far as it goes, as long as that is at most half of the radius. It
     /// ends at what is rigid.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub grip: Option<f64>,
-    /// What is done where matter can't go the whole way.
+    /// What to do if the material can't make the whole motion.
     pub limit: Limit,
     /// Forces that may be left at the end, relative to those that cancel.
     #[schemars(range(min = 1e-12, max = 1.0), extend("x-unit" = "1", "x-knob" = "accuracy"))]

@@ -100,8 +100,8 @@ pub struct Springs {
     /// Viscous drag: a vertex loses this fraction of its velocity a second.
     #[schemars(range(min = 0.0, max = 1e9), extend("x-unit" = "1/s"))]
     pub drag: f64,
-    /// Radius round a handle's vertex of the vertices joined to it that it grips, which go as one. Without it a tenth of the handle's radius,
-    /// but as far as its neighbours at least where those lie within three tenths; 0 is that vertex alone, which is drawn out of a fine sheet as a needle that voxels can't follow.
+    /// Radius within which a handle grips the vertices connected to its own; they move as one. Default: a tenth of the handle's radius,
+    /// but at least as far as its neighbours if they lie within three tenths. 0 grips that vertex alone, which pulls a spike out of a fine mesh that voxels can't follow.
     #[schemars(range(min = 0.0), extend("x-unit" = "mm"))]
     pub grip: Option<f64>,
     /// Time of the motion.

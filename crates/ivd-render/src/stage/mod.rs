@@ -157,7 +157,7 @@ pub struct Picked {
     pub voxel: Option<[usize; 3]>,
     /// Its value, between voxels.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub value: Option<f64>,
     /// The label of that voxel, where there are labels.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -18,7 +18,7 @@ use super::{FRAMING, MovedParams, Picked, Plain, RenderFigures, rate};
 #[serde(default)]
 pub struct Greys {
     /// Values that are drawn black and white, those beyond them too; without it the volume's range.
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub window: Option<[f64; 2]>,
 }
 
@@ -39,7 +39,7 @@ pub struct MipParams {
 #[serde(default)]
 pub struct IsoParams {
     /// Isovalue of the surface.
-    #[schemars(extend("x-unit" = "that of the values", "x-from" = "lattice.iso"))]
+    #[schemars(extend("x-unit" = "real units", "x-from" = "lattice.iso"))]
     pub iso: Option<f64>,
     /// What takes light away.
     #[serde(flatten)]
@@ -79,7 +79,7 @@ pub struct MeanParams {
 #[serde(default)]
 pub struct LmipParams {
     /// Value that a local maximum must reach; without it the middle of the volume's range.
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub threshold: Option<f64>,
     /// What is black and white.
     #[serde(flatten)]

@@ -17,7 +17,7 @@ use crate::{ClassLooks, Classification, Mode, Prepared, RenderParams, Scene};
 #[serde(default)]
 pub struct MovedParams {
     /// Isovalue of the surface that is seen; without it what the transfer function shows.
-    #[schemars(extend("x-unit" = "that of the values"))]
+    #[schemars(extend("x-unit" = "real units"))]
     pub iso: Option<f64>,
     /// The picture.
     #[serde(flatten)]

@@ -27,7 +27,7 @@ pub struct DvrParams {
     pub classes: ClassLooks,
 }
 
-/// The same gathered by slices, across the view or across the grid's axis that it runs along most: another way to the picture of mode dvr, to hold it against. Their number
+/// Direct volume rendering by slices, across the view or across the grid axis closest to it: another way to the picture of mode dvr, for comparison. Their number
 /// takes the place of `step`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
@@ -45,7 +45,7 @@ pub struct SlicesParams {
     pub classes: ClassLooks,
 }
 
-/// The same gathered by slices that are sheared, in a picture that is warped: another way to the picture of mode dvr, to hold it against. Their number takes the place of
+/// Direct volume rendering by shear-warp, with sheared slices and a warped picture: another way to the picture of mode dvr, for comparison. Their number takes the place of
 /// `step`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]

@@ -52,8 +52,8 @@ mod count {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct EmvsParams {
-    /// Number of components; `auto` (`None`) for that of 1 … `k_max` that a criterion prefers: on intensity the integrated completed
-    /// likelihood of the voxels amid one material, over space the Bayesian information criterion.
+    /// Number of components. `auto` takes the number from 1 to `k_max` that a criterion prefers: on intensity the integrated completed
+    /// likelihood of the voxels within one material, over space the Bayesian information criterion.
     #[serde(with = "count")]
     #[schemars(with = "Count", extend("x-unit" = "1", "x-knob" = "accuracy"))]
     pub k: Option<usize>,

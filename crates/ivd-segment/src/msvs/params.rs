@@ -41,8 +41,8 @@ pub struct MsvsParams {
     /// Most modes kept: those that stand highest above their saddles.
     #[schemars(range(min = 1, max = 1024), extend("x-unit" = "1"))]
     pub k_max: usize,
-    /// Cells across one window: more are more accurate and cost their number's fourth power with a window in
-    /// space. Values alone get four times as many, for next to nothing.
+    /// Cells across one window: more are more accurate; with a window in space the cost grows with the fourth power
+    /// of this. Values alone get four times as many, at little cost.
     #[schemars(range(min = 1.0, max = 32.0), extend("x-unit" = "1"))]
     pub cells_per_bandwidth: f64,
     /// Which values count.
