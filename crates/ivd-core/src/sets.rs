@@ -57,7 +57,7 @@ pub fn flatten(sets: &mut [u32]) {
 /// Gives every member the name of its set, a number that `name` gives for the least of them, in ascending order.
 ///
 /// # Errors
-/// Those of `check`, which is asked before each of 2¹⁶ members.
+/// Those of `check`, which is asked once in every 2¹⁶ members.
 pub fn name<E>(
     sets: &mut [u32],
     mut check: impl FnMut() -> Result<(), E>,

@@ -33,6 +33,8 @@ pub struct Spot {
     pub off: [f64; 3],
     /// The direction out of the surface about a handle, as it lies at rest; none where it has no side.
     pub out: Option<[f64; 3]>,
+    /// Where each pane shows the place half its reach into the surface from it, as shares.
+    pub inwards: [Option<[f64; 2]>; 4],
     /// How far the voxels about it have gone (mm): less than the vertex where more would fold. Not told where free forms or steps in space move them as well.
     pub gone: Option<[f64; 3]>,
     /// Whether each pane shows it: a slice that it reaches, the volume where what is seen before it is no further away than its radius.

@@ -9,6 +9,10 @@ use crate::{Error, Pane, Request};
 
 /// Step of a coarse picture's rays, in those of a whole one's.
 const COARSE_STEP: f64 = 2.0;
+/// Share of a ray's opacity before what a picture is said to show; ...
+pub(crate) const HALF: f32 = 0.5;
+/// ... and before where that begins: less may be noise before it.
+const FRONT: f32 = 0.1;
 
 /// How the panes look at a volume.
 pub(crate) struct Panes {
@@ -158,13 +162,27 @@ impl Panes {
         if self.planes.plane(pane).is_some() {
             return Ok(self.planes.look(pane, at, volume.grid()));
         }
-        Ok(self.look_at_all(&[at], volume, transfer, exec)?[0])
+        Ok(self.look_at_all(&[at], HALF, volume, transfer, exec)?[0])
+    }
+
+    /// Where what the volume's pane shows at a share of it begins (mm, RAS): of a translucent body its skin.
+    pub(crate) fn front(
+        &self,
+        at: [f64; 2],
+        volume: &Volume,
+        transfer: Option<&TransferFunction>,
+        exec: &Exec,
+    ) -> Result<Option<[f64; 3]>, Error> {
+        Ok(self.look_at_all(&[at], FRONT, volume, transfer, exec)?[0])
     }
 
     /// The places that the volume's pane shows at shares of it (mm, RAS).
+    ///
+    /// - `share`: of a ray's opacity, that lies before them.
     pub(crate) fn look_at_all(
         &self,
         at: &[[f64; 2]],
+        share: f32,
         volume: &Volume,
         transfer: Option<&TransferFunction>,
         exec: &Exec,
@@ -175,7 +193,7 @@ impl Panes {
             if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {
                 return Ok(None);
             }
-            Ok(prepared.pick(self.view, pixel.map(|c| c as usize))?.map(|pick| pick.place))
+            Ok(prepared.pick_at(self.view, pixel.map(|c| c as usize), share)?.map(|pick| pick.place))
         };
         at.iter().map(look).collect()
     }

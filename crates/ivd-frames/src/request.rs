@@ -413,6 +413,8 @@ pub enum Request {
     },
     /// Stops what is worked on now: it comes to nothing. Takes no turn of its own.
     Stop,
+    /// What was asked for so far of what is drawn (looks, rulers) is how it begins: it isn't undone.
+    Restored,
     /// Undoes the last step.
     Undo,
     /// Does it again.

@@ -75,14 +75,22 @@ impl Source {
 
 /// Whether a file of any name is a scene by its text: it says its schema before any section.
 fn is_scene(file: &Path) -> bool {
+    if !file.is_file() {
+        return false;
+    }
     let mut head = Vec::new();
     let read = File::open(file).and_then(|file| file.take(4096).read_to_end(&mut head));
     // A character that is cut in two at its end makes no difference.
     let text = String::from_utf8_lossy(&head);
-    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    let lines = text
+        .trim_start_matches('\u{feff}')
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty() && !line.starts_with('#'));
     let mut before_sections = lines.take_while(|line| !line.starts_with('['));
     read.is_ok()
-        && before_sections.any(|line| line.split('=').next().is_some_and(|key| key.trim() == "schema"))
+        && before_sections
+            .any(|line| line.split('=').next().is_some_and(|key| key.trim().trim_matches('"') == "schema"))
 }
 
 /// A scene that lies in no file, or in another's.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use ivd_artefact::Cache;
 use ivd_core::op::Op as _;
-use ivd_core::{Exec, Labels, Lattice, TransferFunction, Value as _, Volume};
+use ivd_core::{Exec, Grid, Labels, Lattice, TransferFunction, Value as _, Volume};
 use ivd_field::clip::{SceneClip, Whose};
 use ivd_field::warp::WarpParams;
 use ivd_map::space::SpaceParams;
@@ -30,6 +30,8 @@ use crate::{Error, Made, Tell};
 const MANY_VERTICES: usize = 40_000;
 /// Longest edge of a bare scan's lattice, as a share of a handle's usual reach.
 const EDGE: f64 = 0.25;
+/// Edges at a level are about as long as a voxel's are at that level; no less than this many of those.
+const VOXELS: f64 = 1.25;
 /// What the scene of a bare scan says beside its input.
 const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 
@@ -145,10 +147,11 @@ impl Subject {
             scene.set(refine, &[("level", Some(json!(level)))])?;
             said.push(format!("level {level}, for {vertices} vertices as cut"));
         }
-        if is_bare && !says(&scene, refine, "max_edge") {
-            let edge = two_digits(EDGE * usual_radius(volume.grid()));
+        let level = scene.param(refine, "level").and_then(|level| level.as_u64()).unwrap_or_default();
+        if is_bare && level > 0 && !says(&scene, refine, "max_edge") {
+            let edge = two_digits(longest_edge(volume.grid(), level));
             scene.set(refine, &[("max_edge", Some(json!(edge)))])?;
-            said.push(format!("no edge longer than {edge} mm, so that a handle finds a vertex near"));
+            said.push(format!("edges up to {edge} mm, so that a handle finds a vertex near"));
         }
         if is_bare && !says(&scene, &ivd_map::STAGE, "method") {
             // Hands press anywhere, on thin walls as well, where what lies nearest can't follow far.
@@ -157,8 +160,7 @@ impl Subject {
         }
         if is_bare {
             said.push(
-                "all that lies within a handle's radius bends alike, bone too: pins hold what must stay"
-                    .to_owned(),
+                "what lies within a handle's radius goes along with it, bone as soft parts do".to_owned(),
             );
         }
         let settings = settings(&scene)?;
@@ -280,6 +282,12 @@ fn material_of(settings: &Settings) -> String {
 
 fn missing(what: &'static str) -> Error {
     Error::NotInSessions { part: format!("{what} is made by none of its stages") }
+}
+
+/// Longest edge (mm) of a bare scan's lattice at a level: such that a handle finds a vertex near, and no shorter than edges are at that level.
+fn longest_edge(grid: &Grid, level: u64) -> f64 {
+    let spacing = grid.spacing().into_iter().fold(0.0, f64::max);
+    (EDGE * usual_radius(grid)).max(VOXELS * spacing * 2.0_f64.powi(level.min(60) as i32))
 }
 
 /// A positive number with two digits that count.
@@ -433,7 +441,11 @@ fn scene_of(scene: &Scene, settings: &Settings) -> Result<Scene, Error> {
     replace(&mut scene, &ivd_map::STAGE, "method", &method, map)?;
     let warp = json!(settings.warp);
     replace(&mut scene, &ivd_field::warp::STAGE, "", "", warp)?;
-    scene.set(&ivd_lattice::refine::STAGE, &[("level", Some(json!(settings.level)))])?;
+    let max_edge = settings.max_edge.map(|mm| json!(mm));
+    scene.set(
+        &ivd_lattice::refine::STAGE,
+        &[("level", Some(json!(settings.level))), ("max_edge", max_edge)],
+    )?;
 
     // A section without anything to do is refused, or says what isn't so.
     scene.remove(&ivd_map::space::STAGE)?;

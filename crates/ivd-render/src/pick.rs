@@ -12,7 +12,7 @@ use crate::project::{Project, decisive};
 use crate::samples::Stored;
 
 /// Share of a ray's opacity behind which lies what a picture is said to show.
-const HALF: f32 = 0.5;
+pub(crate) const HALF: f32 = 0.5;
 /// A ray with less opacity shows nothing: of white on black it changes no pixel of 8 bits, in which the darkest light is 1/12.92 of its number.
 const NOTHING: f32 = 0.5 / 255.0 / 12.92;
 
@@ -47,8 +47,13 @@ impl Seen {
 /// A ray that lets no more than this through is as opaque as one that lets nothing through: 1 − 2⁻²⁵ is 1.
 const CLOSED: f32 = 0.5 * 0.5 * f32::EPSILON;
 
-/// Where the opacity of a ray passes a half: a step's opacity is spread over its length, from its middle on where what lies before it is clear.
-pub(crate) fn half_way<T: Stored, O: Optics<T>>(field: &Field<'_, T>, optics: &O, ray: &Ray) -> Option<Seen> {
+/// Where the opacity of a ray passes a share of what it has in all: a step's opacity is spread over its length, from its middle on where what lies before it is clear.
+pub(crate) fn part_way<T: Stored, O: Optics<T>>(
+    field: &Field<'_, T>,
+    optics: &O,
+    ray: &Ray,
+    share: f32,
+) -> Option<Seen> {
     let mut clear = if ray.rest > 0.0 { 1.0 - optics.rest(field, ray)[3] } else { 1.0 };
     // The steps that take light, and how much.
     let mut taking = Vec::new();
@@ -76,7 +81,7 @@ pub(crate) fn half_way<T: Stored, O: Optics<T>>(field: &Field<'_, T>, optics: &O
     if 1.0 - clear < NOTHING {
         return None;
     }
-    let wanted = 1.0 - HALF * (1.0 - clear);
+    let wanted = 1.0 - share * (1.0 - clear);
     let (mut through, mut last) = (1.0_f32, None);
     for (number, opacity) in taking {
         let after = through * (1.0 - opacity);

@@ -7,7 +7,7 @@
 //!   other sites, and host names that were made to resolve to this machine (DNS rebinding), are refused.
 //! - A token of 128 bits from the system stands in the link's fragment, which no request holds, and is the socket's first message, within five seconds. A second
 //!   token allows watching only.
-//! - One drives, others watch. The driver hands over, or may be replaced after half a minute of silence; what a disconnected driver held is let go of.
+//! - One drives, others watch. The driver hands over, or may be replaced after half a minute of silence; what a disconnected driver held goes back to where it was.
 //! - Messages have at most 64 KiB, connections are at most eight, and each has at most one frame waiting here. What is asked for is a list of its own
 //!   ([`ivd_frames::Request`]) whose costs are bounded before anything is computed; it names no file, and no frame does.
 #![forbid(unsafe_code)]

@@ -61,16 +61,31 @@ pub(crate) struct History {
     bytes: usize,
     /// The last undone last.
     undone: Vec<Step>,
+    /// How many are done, also those that were let go, and how many were ever noted.
+    done: u64,
+    noted: u64,
 }
 
 impl History {
     /// Notes a step; what was undone can't be done again.
     pub(crate) fn push(&mut self, step: Step, before: Settings) {
         self.undone.clear();
+        self.noted += 1;
         self.again(step, before);
     }
 
+    /// What was undone can't be done again.
+    pub(crate) fn forget_undone(&mut self) {
+        self.undone.clear();
+    }
+
+    /// How many steps are done, also those that are no longer kept, and how many were ever noted.
+    pub(crate) fn counts(&self) -> [u64; 2] {
+        [self.done, self.noted]
+    }
+
     fn again(&mut self, step: Step, before: Settings) {
+        self.done += 1;
         let is_due = self.past.iter().rev().take(KEPT - 1).all(|past| past.before.is_none());
         let past = Past { step, before: is_due.then(|| Box::new(before)) };
         self.bytes += past.bytes();
@@ -108,6 +123,7 @@ impl History {
     pub(crate) fn undo(&mut self) {
         if let Some(past) = self.past.pop_back() {
             self.bytes -= past.bytes();
+            self.done -= 1;
             self.undone.push(past.step);
         }
     }
@@ -225,6 +241,7 @@ mod tests {
             history.push(step, before);
         }
         let kept = history.steps().count();
+        assert_eq!(history.counts(), [count as u64; 2], "those that were let go count");
         assert!(kept < count && history.bytes <= MOST_BYTES && history.bytes > MOST_BYTES - (1 << 16));
         for number in (count - kept + 1..=count).rev() {
             assert_eq!(history.before().unwrap().map(|settings| settings.level), Some(step(number).1.level));

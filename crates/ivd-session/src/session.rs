@@ -305,6 +305,21 @@ impl Session {
         self.history.next()
     }
 
+    /// How many steps are done, also those that are no longer kept: it rises with each that is noted or done again, and falls with each that is undone.
+    pub fn steps_done(&self) -> u64 {
+        self.history.counts()[0]
+    }
+
+    /// How many steps were ever noted.
+    pub fn steps_noted(&self) -> u64 {
+        self.history.counts()[1]
+    }
+
+    /// What was undone can't be done again: something else was done beside the session.
+    pub fn forget_undone(&mut self) {
+        self.history.forget_undone();
+    }
+
     /// The events of these steps: with the settings before the first they give this state.
     pub fn events(&self) -> impl Iterator<Item = &Event> {
         self.history.steps().flat_map(|step| &step.events)

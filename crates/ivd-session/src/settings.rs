@@ -84,7 +84,7 @@ impl MapChoice {
 pub struct Settings {
     /// Level of refinement of the lattice that is deformed: 4⁻ᴸ of its vertices.
     pub level: u8,
-    /// Longest edge (mm) that refinement makes; none where any may be. It is the session's from its beginning: no event changes it.
+    /// Longest edge (mm) that refinement to that level makes; none where any may be. With each level more it is twice as long.
     pub max_edge: Option<f64>,
     /// What moves.
     pub handles: Vec<Numbered<Handle>>,
@@ -110,7 +110,12 @@ impl Settings {
     /// How the lattice is refined to a level.
     pub(crate) fn refinement(&self, level: u8) -> RefineParams {
         let target = Target::Level(level).into();
-        RefineParams { target, max_edge: self.max_edge, ..RefineParams::default() }
+        RefineParams { target, max_edge: self.max_edge_at(level), ..RefineParams::default() }
+    }
+
+    /// The longest edge that refinement to a level makes (mm).
+    fn max_edge_at(&self, level: u8) -> Option<f64> {
+        self.max_edge.map(|mm| mm * 2.0_f64.powi(i32::from(level) - i32::from(self.level)))
     }
 
     /// Checks every part by itself, and what goes together.
@@ -332,7 +337,7 @@ impl Settings {
             },
             Event::Map(map) => next.map = map.clone(),
             Event::Warp(warp) => next.warp = warp.clone(),
-            Event::Level(level) => next.level = *level,
+            Event::Level(level) => (next.max_edge, next.level) = (next.max_edge_at(*level), *level),
             Event::Reset => {
                 next.handles.clear();
                 next.fixed.clear();

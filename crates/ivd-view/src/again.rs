@@ -77,6 +77,7 @@ impl Window {
             // Those of its scene may be others by now.
             let rulers = figures.rulers.iter().map(|ruler| Request::Unmeasure { ruler: ruler.id });
             rulers.chain(seen.requests).for_each(|request| self.ask(request));
+            self.ask(Request::Restored);
         }
         if let Some(away) = farthest(&seen.handles, &figures.handles) {
             self.notes

@@ -181,7 +181,10 @@ impl Window {
 
     /// Keeps something there; what is there already is asked about once, and a folder that isn't there is told.
     pub(crate) fn keep(&mut self, what: Keeps, path: PathBuf, replace: bool, context: &Context) {
-        let path = what.with_ending(path);
+        let given = path;
+        let path = what.with_ending(given.clone());
+        // What was asked about was what was given.
+        let replace = replace && path == given;
         let is_folder = |folder: &Path| folder.as_os_str().is_empty() || folder.is_dir();
         let was = match path.parent() {
             Some(folder) if !is_folder(folder) => Some(Was::Nowhere),

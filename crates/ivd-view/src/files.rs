@@ -40,14 +40,22 @@ impl Keeps {
         }
     }
 
-    /// A path with the ending of what it is, where it has none: by that it is known again.
+    /// A path with the ending of what it is: by that it is known again. A recording may have another that is given.
     pub(crate) fn with_ending(self, path: PathBuf) -> PathBuf {
-        match Path::new(self.name()).extension() {
-            Some(ending) if path.extension().is_none() && path.file_name().is_some() => {
-                path.with_extension(ending)
-            }
-            _ => path,
+        let (Some(name), Some((_, ending))) = (path.file_name(), self.name().split_once('.')) else {
+            return path;
+        };
+        let lower = name.to_string_lossy().to_lowercase();
+        let other = self == Self::Recording && path.extension().is_some();
+        if other || lower.ends_with(&format!(".{ending}")) {
+            return path;
         }
+        // Of `.nii.gz` the first half may be there.
+        let (first, rest) = ending.split_once('.').unwrap_or(("", ending));
+        let rest = if !first.is_empty() && lower.ends_with(&format!(".{first}")) { rest } else { ending };
+        let mut name = name.to_owned();
+        name.push(format!(".{rest}"));
+        path.with_file_name(name)
     }
 }
 
@@ -146,5 +154,24 @@ mod tests {
         assert_eq!(told("/a/scene.toml"), Path::new("b/c.nii"));
         assert_eq!(told("/a/b/scene.toml"), Path::new("c.nii"));
         assert_eq!(told("/elsewhere/x/scene.toml"), Path::new("../../a/b/c.nii"));
+    }
+
+    #[test]
+    fn what_is_kept_has_the_ending_of_what_it_is() {
+        let ended = |what: Keeps, name: &str| what.with_ending(Path::new("/a.b").join(name));
+        for (what, name, expected) in [
+            (Keeps::Asked(Saved::Scene), "head", "head.toml"),
+            (Keeps::Asked(Saved::Scene), "head.v2", "head.v2.toml"),
+            (Keeps::Asked(Saved::Scene), "head.TOML", "head.TOML"),
+            (Keeps::Asked(Saved::Volume), "head", "head.nii.gz"),
+            (Keeps::Asked(Saved::Volume), "head.nii", "head.nii.gz"),
+            (Keeps::Asked(Saved::Volume), "head.nii.gz", "head.nii.gz"),
+            (Keeps::Asked(Saved::Log), "head", "head.jsonl"),
+            (Keeps::Window, "seen", "seen.png"),
+            (Keeps::Recording, "drag", "drag.gif"),
+            (Keeps::Recording, "drag.apng", "drag.apng"),
+        ] {
+            assert_eq!(ended(what, name), Path::new("/a.b").join(expected));
+        }
     }
 }

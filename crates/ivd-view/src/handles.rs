@@ -41,8 +41,15 @@ const SPEED: f64 = 0.1;
 #[derive(Debug, Default)]
 pub(crate) struct Typed {
     place: String,
-    /// Whether it was entered, and has the keys once it is there.
-    goes_on: bool,
+    /// The handles that were there when one was entered: it has the keys once it is there, too.
+    before: Option<Vec<u32>>,
+}
+
+impl Typed {
+    /// What was entered doesn't come.
+    pub(crate) fn no_more(&mut self) {
+        self.before = None;
+    }
 }
 
 impl Window {
@@ -105,7 +112,8 @@ impl Window {
             if ui.button("Add").on_hover_text("A handle at that place").clicked() || entered {
                 match read(&self.typed.place) {
                     Some(place) => {
-                        self.typed.goes_on = entered;
+                        self.typed.before =
+                            entered.then(|| figures.handles.iter().map(|one| one.id).collect());
                         self.ask(Request::Add { place, by: [0.0; 3] });
                     }
                     None => {
@@ -140,9 +148,9 @@ impl Window {
             let field = number(ui, &full, &mut into, 1, |field| {
                 field.speed(SPEED).fixed_decimals(1).range(-1e6..=1e6).prefix("in ")
             });
-            if self.typed.goes_on && self.selected == Some(id) {
+            if self.typed.before.as_ref().is_some_and(|before| !before.contains(&id)) {
                 field.request_focus();
-                self.typed.goes_on = false;
+                self.typed.before = None;
             }
             let field = field.on_hover_text(INTO);
             let by = std::array::from_fn(|a| by[a] + (there - into) * out[a]);
@@ -228,8 +236,8 @@ pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
         (false, _) => format!("{whole:.1} mm {way}"),
         (true, true) if way.is_empty() => format!("{whole:.1} mm {side}"),
         (true, true) => format!("{whole:.1} mm {side}, {way}"),
-        (true, false) if way.is_empty() => format!("{whole:.1} mm, of that {:.1} {side}", out.abs()),
-        (true, false) => format!("{whole:.1} mm {way}, of that {:.1} {side}", out.abs()),
+        (true, false) if way.is_empty() => format!("{whole:.1} mm, of that {:.1} mm {side}", out.abs()),
+        (true, false) => format!("{whole:.1} mm {way}, of that {:.1} mm {side}", out.abs()),
     };
     let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
     Some(told + &voxels)
@@ -282,13 +290,14 @@ mod tests {
             out: Some([0.0, 1.0, 0.0]),
             gone: Some(gone),
             seen: [true; 4],
+            inwards: [None; 4],
             beside: [false; 4],
         };
         let said = |by, gone| told(&spot(by, gone), true);
         assert_eq!(said([0.0, -5.0, 0.0], [0.0, -4.9, 0.0]).unwrap(), "5.0 mm in, backwards");
         assert_eq!(
             said([0.0, 5.0, 4.0], [0.0, 5.0, 4.0]).unwrap(),
-            "6.4 mm forwards and up, of that 5.0 out"
+            "6.4 mm forwards and up, of that 5.0 mm out"
         );
         let behind = said([0.0, -5.0, 0.0], [0.0, -2.7, 0.0]).unwrap();
         assert_eq!(behind, "5.0 mm in, backwards, voxels there 2.7 mm");

@@ -17,8 +17,8 @@ pub(crate) fn number(
     let before = *value;
     let field = shape(DragValue::new(value).max_decimals(digits)).update_while_editing(false);
     let mut field = ui.add(field).accessible_name(name.to_owned());
-    let half_a_digit = 0.5 * 0.1_f64.powi(digits as i32);
-    if !field.dragged() && (*value - before).abs() <= half_a_digit * 1.001 {
+    let written: f64 = format!("{before:.digits$}").parse().unwrap_or(before);
+    if !field.dragged() && (*value - written).abs() <= 1e-9 * written.abs() {
         *value = before;
         field.flags.remove(Flags::CHANGED);
     }

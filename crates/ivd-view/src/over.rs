@@ -22,6 +22,8 @@ const LETTERS: f32 = 13.0;
 /// Where letters stand along the edges (points).
 const EDGE: f32 = 24.0;
 
+/// The way into a surface is seen aside from this share of its length on (the sine of 30°): else a drag along N goes in by a way up.
+const SEEN_ASIDE: f32 = 0.5;
 /// A length keeps off its line by so much (points), ...
 const CLEAR: f32 = 6.0;
 /// ... above it where that rises by less than this share of its way, else to its right.
@@ -104,6 +106,19 @@ impl Over<'_> {
         if spot.beside[self.pane.number()] { colour.gamma_multiply(0.4) } else { colour }
     }
 
+    /// Which way goes into the surface about a handle: an arrow, or what to do where it goes away from who sees it.
+    fn inwards(&self, at: Pos2, one: &Spot, scale: f32) {
+        let Some(end) = one.inwards[self.pane.number()].map(|end| self.place(end)) else { return };
+        let way = end - at;
+        if way.length() > SEEN_ASIDE * 0.5 * one.radius as f32 * scale {
+            let from = at + way.normalized() * 8.0;
+            self.painter.arrow(from, end - from, Stroke::new(1.5, HANDLE.gamma_multiply(0.8)));
+            self.write(end + way.normalized() * 9.0, Align2::CENTER_CENTER, "in", LETTERS, HANDLE);
+        } else if self.pane == Pane::Volume {
+            self.write(at + vec2(8.0, 8.0), Align2::LEFT_TOP, "in: N, and up", LETTERS, HANDLE);
+        }
+    }
+
     fn spots(&self, figures: &Figures) {
         let number = self.pane.number();
         let Some(scale) = self.scale() else { return };
@@ -122,6 +137,9 @@ impl Over<'_> {
             self.ring(at, 6.0, colour, if held { 3.0 } else { 2.0 });
             if held {
                 self.ring(at, one.radius as f32 * scale, colour.gamma_multiply(0.55), 1.0);
+            }
+            if figures.held == Some(one.id) {
+                self.inwards(at, one, scale);
             }
             // How far it has gone stands where the hand is, on the side that has room.
             let moved = told(one, figures.letters.is_some())

@@ -142,6 +142,7 @@ impl Window {
         }
         for problem in problems {
             self.awaited = Awaited::default();
+            self.typed.no_more();
             // What was to be kept and isn't comes no more.
             shared.keeping.forget();
             self.waits = None;

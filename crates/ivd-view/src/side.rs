@@ -25,7 +25,7 @@ const OVER: &str = "How far voxels have moved, how much they are squeezed or str
 const STIFFEST: f64 = 1e5;
 
 /// What a radius means.
-const RADIUS: &str = "As far round the handle the surface goes along, less the further away it is. It is that of the handle that was worked on last, and of those that are made from then on";
+const RADIUS: &str = "As far round the handle the surface goes along, less the further away it is. It is that of the handle that was worked on last; a new one begins with the radius that was set last";
 /// What the lattice's level means.
 const LEVEL: &str = "How coarse the net of triangles is that is pulled: 0 is the finest and slowest, each further level has about a quarter of the vertices";
 

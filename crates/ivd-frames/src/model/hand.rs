@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use ivd_motion::handles::{Action, Handle, find_picks};
+use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
@@ -50,7 +50,9 @@ impl Model {
             return Ok(Some(Hovered { class: self.class_at(place), ..hovered }));
         }
         let rest = self.rest_of(place);
-        let vertex = sheet::pick(self.session.lattice(), rest, self.side_seen(pane));
+        let surface = self.look_at_surface(pane, at)?.unwrap_or(place);
+        let seen = self.side_seen(pane, surface);
+        let vertex = sheet::pick(self.session.lattice(), self.rest_of(surface), seen);
         let now = vertex.map(|pick| self.now_at(&pick));
         let volume = self.session.whole();
         let grid = volume.grid();
@@ -66,6 +68,14 @@ impl Model {
             away_mm: vertex.map(|pick| pick.away()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
+    }
+
+    /// The place on the surface that a pane shows (mm, RAS): in the volume where what is seen begins.
+    pub(super) fn look_at_surface(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
+        if pane != Pane::Volume {
+            return self.look(pane, at);
+        }
+        self.panes.front(at, self.seen(at), self.transfer.as_ref(), &self.exec)
     }
 
     /// The handle that a pane shows at a place; before those that lie beside its slice, or behind what is seen, one that doesn't.
@@ -100,12 +110,9 @@ impl Model {
             (id, spot.map_or([0.0; 3], |spot| spot.now))
         } else {
             no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
-            let Some(place) = self.look(pane, at)? else { return Err(nothing_there("grab")) };
-            let handle = Handle {
-                at: sheet::anchor(self.session.lattice(), self.rest_of(place), self.side_seen(pane)),
-                action: Action::Move([0.0; 3]),
-                radius: self.radius,
-            };
+            let Some(place) = self.look_at_surface(pane, at)? else { return Err(nothing_there("grab")) };
+            let handle =
+                Handle { at: self.anchor(pane, place), action: Action::Move([0.0; 3]), radius: self.radius };
             self.session.begin("drag a new handle")?;
             self.apply(Event::Add { id: None, handle })?;
             let Some(added) = self.session.settings().handles.last().filter(|_| self.refused.is_none())
@@ -174,6 +181,7 @@ impl Model {
         let Some(drag) = self.drag else { return Ok(()) };
         let began = Instant::now();
         self.apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, MOST_DRAG)?;
+        self.drag = self.drag.map(|drag| Drag { late: self.is_late, ..drag });
         self.try_closer(began + AT_WORK)
     }
 
@@ -201,7 +209,12 @@ impl Model {
         let way = drag.wanted - by;
         let there = by + way * (drag.share * (FARTHEST * handle.radius / way.norm()).min(1.0));
         self.apply_within(Event::Move { handle: drag.handle, by: there.into() }, QUICK)?;
-        let share = if self.refused.is_none() { 0.5 } else { 0.5 * drag.share };
+        let share = match self.drag {
+            // It was stopped meanwhile.
+            Some(Drag { share: 0.0, .. }) => 0.0,
+            _ if self.refused.is_none() => 0.5,
+            _ => 0.5 * drag.share,
+        };
         self.drag = Some(Drag { share, ..drag });
         self.refused = Some(Refused { ahead_mm: self.ahead(), ..refused });
         Ok(())
@@ -217,9 +230,21 @@ impl Model {
         self.moved_cross();
     }
 
-    /// The side of the surface that a pane shows, as the way to the eye; `None` for slices, which show no side.
-    pub(super) fn side_seen(&self, pane: Pane) -> Option<Vector3<f64>> {
-        (pane == Pane::Volume).then(|| Vector3::from(self.lens.axes()[2]))
+    /// The surface that a pane shows at a place: in the volume a side that faces the eye; slices show either.
+    fn side_seen(&self, pane: Pane, place: [f64; 3]) -> Option<sheet::Seen<'_>> {
+        (pane == Pane::Volume).then(|| sheet::Seen {
+            eye: self.lens.sight(place).into(),
+            moved: self
+                .session
+                .motion()
+                .and_then(|motion| motion.frames().last())
+                .map(|frame| &frame.displacement[..]),
+        })
+    }
+
+    /// What is put on what a pane shows at a place is anchored there.
+    pub(super) fn anchor(&self, pane: Pane, place: [f64; 3]) -> Anchor {
+        sheet::anchor(self.session.lattice(), self.rest_of(place), self.side_seen(pane, place))
     }
 
     /// What is let go of while the hand is ahead comes there, where that only took longer than a hand waits for; else as close as a few tries bring it.

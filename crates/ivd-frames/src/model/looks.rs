@@ -7,7 +7,7 @@ use ivd_render::{ClassLooks, Colour, Fit, Opacity, View};
 use serde_json::json;
 
 use super::Model;
-use crate::colours::Turned;
+use crate::colours::{Turned, Window};
 use crate::figures::Class;
 use crate::{Error, Overlay, Pane, Request, Subject};
 
@@ -89,14 +89,25 @@ impl Model {
     /// Colours the volume's picture otherwise, as a step that can be undone.
     pub(super) fn look_as(&mut self, request: &Request) -> Result<(), Error> {
         match request {
-            Request::Transfer { by } => self.draw_otherwise("shift colours".to_owned(), |model| {
+            Request::Transfer { by } => self.view_otherwise(("shift colours".to_owned(), true), |model| {
                 model.recolour(model.looks.clone(), model.turned.dragged(*by))
             }),
-            Request::ResetColours => self.draw_otherwise("reset colours".to_owned(), Self::reset_colours),
+            Request::ResetColours => {
+                self.view_and_window_otherwise("reset colours".to_owned(), Self::reset_colours)
+            }
             Request::Class { class, hidden, opacity, colour } => {
+                if !self.classes().iter().any(|known| known.id == *class) {
+                    return Err(Error::Request {
+                        what: "class",
+                        problem: format!("class {class} isn't drawn here"),
+                        remedy: "name one that is told",
+                    });
+                }
                 let name = self.what_changes(*class, *hidden, colour.as_deref());
                 let colour = colour.as_deref();
-                self.draw_otherwise(name, |model| model.look_otherwise(*class, *hidden, *opacity, colour))
+                self.view_otherwise((name, true), |model| {
+                    model.look_otherwise(*class, *hidden, *opacity, colour)
+                })
             }
             _ => Ok(()),
         }
@@ -132,9 +143,14 @@ impl Model {
 
     /// The colours as they were at first.
     fn reset_colours(&mut self) -> Result<(), Error> {
-        self.window = self.first_window;
-        self.touch(&Pane::ALL[1..]);
+        self.show_window(self.first_window);
         self.recolour(self.first_looks(), Turned::NONE)
+    }
+
+    /// Shows slices as bright as that.
+    pub(super) fn show_window(&mut self, window: Window) {
+        self.window = window;
+        self.touch(&Pane::ALL[1..]);
     }
 
     pub(super) fn first_looks(&self) -> Looks {

@@ -4,7 +4,6 @@ mod bones;
 mod clips;
 mod compare;
 mod cut_off;
-mod drawn;
 mod hand;
 mod looks;
 mod map;
@@ -18,6 +17,7 @@ mod spots;
 mod squeezed;
 mod stroke;
 mod told;
+mod viewed;
 mod window;
 
 use std::time::{Duration, Instant};
@@ -68,6 +68,8 @@ pub struct Model {
     refused: Option<Refused>,
     /// How the lattice followed before it was to follow otherwise.
     other: Option<Physics>,
+    /// Whether what was tried last was given up as it took too long.
+    is_late: bool,
     /// What couldn't be done again when it was opened.
     missed: Vec<Missed>,
     /// By slice, whether it was clipped when its pane had a version.
@@ -81,7 +83,7 @@ pub struct Model {
     hidden: spots::Hidden,
     sides: sheet::Sides,
     /// What can be undone of what is drawn.
-    steps: drawn::Steps,
+    view_steps: viewed::ViewSteps,
     rulers: Vec<rulers::Places>,
     /// Number of the next of them.
     next_ruler: u32,
@@ -156,6 +158,7 @@ impl Model {
             hovered: None,
             refused: None,
             other: None,
+            is_late: false,
             missed: Vec::new(),
             clipped: [(0, false); 3],
             along: None,
@@ -164,7 +167,7 @@ impl Model {
             cut_off_mm: 0.0,
             hidden: spots::Hidden::default(),
             sides: sheet::Sides::default(),
-            steps: drawn::Steps::default(),
+            view_steps: viewed::ViewSteps::default(),
             rulers: Vec::new(),
             next_ruler: 0,
             versions: [1; 4],
@@ -234,6 +237,9 @@ impl Model {
     /// A request that makes no sense here; cancellation.
     pub fn follow(&mut self, request: &Request) -> Result<(), Error> {
         request.check()?;
+        if !matches!(request, Request::Transfer { .. } | Request::Class { .. }) {
+            self.view_steps.end();
+        }
         let grid = self.session.rest().grid().clone();
         match request {
             Request::Resize { .. }
@@ -299,15 +305,12 @@ impl Model {
                 self.hovered = self.hover(*pane, *at)?;
                 Ok(())
             }
-            Request::Measure { pane, from, to } => {
-                self.draw_otherwise("measure".to_owned(), |model| model.measure(*pane, *from, *to))
+            Request::Measure { .. } | Request::Ruler { .. } | Request::Unmeasure { .. } => {
+                self.change_rulers(request)
             }
-            Request::Ruler { ruler, places } => {
-                let name = ruler.map_or_else(|| "measure".to_owned(), |ruler| format!("move ruler {ruler}"));
-                self.draw_otherwise(name, |model| model.rule(*ruler, places))
-            }
-            Request::Unmeasure { ruler } => {
-                self.draw_otherwise(format!("remove ruler {ruler}"), |model| model.remove_ruler(*ruler))
+            Request::Restored => {
+                self.view_steps.forget();
+                Ok(())
             }
             Request::Grab { pane, at } => self.grab(*pane, *at),
             Request::Drag { to, lock } => self.drag(*to, *lock),
@@ -355,8 +358,8 @@ impl Model {
             Request::Pin { pane, at } => {
                 self.check_seen_now("pin", &[*at])?;
                 no_more_than(MOST_HANDLES, self.session.settings().fixed.len())?;
-                let Some(place) = self.look(*pane, *at)? else { return Err(nothing_there("pin")) };
-                let at = sheet::anchor(self.session.lattice(), self.rest_of(place), self.side_seen(*pane));
+                let Some(place) = self.look_at_surface(*pane, *at)? else { return Err(nothing_there("pin")) };
+                let at = self.anchor(*pane, place);
                 let pin = Pin { at, radius: 0.5 * self.radius };
                 self.apply(Event::Pin { id: None, pin })
             }
@@ -379,7 +382,7 @@ impl Model {
             | Request::RemoveBone { .. } => self.change_part(request),
             Request::Undo => {
                 self.let_go()?;
-                if self.undo_drawn()? {
+                if self.undo_view()? {
                     return Ok(());
                 }
                 let exec = self.in_time();
@@ -388,7 +391,7 @@ impl Model {
             }
             Request::Redo => {
                 self.let_go()?;
-                if self.redo_drawn()? {
+                if self.redo_view()? {
                     return Ok(());
                 }
                 let exec = self.in_time();
@@ -434,13 +437,11 @@ impl Model {
             self.refused = Some(self.refusal(error.to_string()));
             return Ok(());
         }
+        self.is_late = false;
         let exec = self.within(most);
         let moves = is_move(&event);
         match self.session.apply(event, &exec) {
-            Ok(update) => {
-                self.steps.forget_undone();
-                self.show(&update)
-            }
+            Ok(update) => self.show(&update),
             Err(error) => self.refuse(&error, &exec, (moves, most)),
         }
     }

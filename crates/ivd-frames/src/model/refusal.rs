@@ -30,8 +30,8 @@ impl Model {
             return Ok(());
         }
         let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
-        self.refused = Some(if exec.cancel.is_late() {
-            self.drag = self.drag.map(|drag| Drag { late: true, ..drag });
+        self.is_late = exec.cancel.is_late();
+        self.refused = Some(if self.is_late {
             let most = most.as_secs();
             let other = match &self.session.settings().physics {
                 Physics::Springs(_) => "let the surface follow distance alone",

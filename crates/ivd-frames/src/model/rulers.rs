@@ -6,7 +6,7 @@ use super::{Model, no_more_than, nothing_there};
 use crate::figures::Ruler;
 use crate::planes::BESIDE;
 use crate::request::MOST_HANDLES;
-use crate::{Error, Pane, Shows};
+use crate::{Error, Pane, Request, Shows};
 
 /// A line that begins so near to an end of another begins there (shares of the pane).
 const NEAR: f64 = 0.025;
@@ -28,8 +28,23 @@ struct End {
 }
 
 impl Model {
+    /// Measures, or takes a ruler elsewhere or away: each is a step.
+    pub(super) fn change_rulers(&mut self, request: &Request) -> Result<(), Error> {
+        let name = match request {
+            Request::Unmeasure { ruler } => format!("remove ruler {ruler}"),
+            Request::Ruler { ruler: Some(ruler), .. } => format!("move ruler {ruler}"),
+            _ => "measure".to_owned(),
+        };
+        self.view_otherwise((name, false), |model| match request {
+            Request::Measure { pane, from, to } => model.measure(*pane, *from, *to),
+            Request::Ruler { ruler, places } => model.rule(*ruler, places),
+            Request::Unmeasure { ruler } => model.remove_ruler(*ruler),
+            _ => Ok(()),
+        })
+    }
+
     /// Measures along a line that is drawn over a picture. One that begins at an end of another makes an angle with it there.
-    pub(super) fn measure(&mut self, pane: Pane, from: [f64; 2], to: [f64; 2]) -> Result<(), Error> {
+    fn measure(&mut self, pane: Pane, from: [f64; 2], to: [f64; 2]) -> Result<(), Error> {
         if self.compared.shows == Shows::Both {
             self.check_seen_now("measure", &[from, to])?;
         }
@@ -53,7 +68,7 @@ impl Model {
     }
 
     /// Measures between places as they are shown, in the place of another ruler or as one more.
-    pub(super) fn rule(&mut self, ruler: Option<u32>, places: &[[f64; 3]]) -> Result<(), Error> {
+    fn rule(&mut self, ruler: Option<u32>, places: &[[f64; 3]]) -> Result<(), Error> {
         let ends: Vec<End> = places.iter().map(|place| self.end_of(*place)).collect();
         let Some(id) = ruler else { return self.add_ruler(ends) };
         self.check_ends(&ends)?;
@@ -63,7 +78,7 @@ impl Model {
     }
 
     /// Takes a ruler away.
-    pub(super) fn remove_ruler(&mut self, id: u32) -> Result<(), Error> {
+    fn remove_ruler(&mut self, id: u32) -> Result<(), Error> {
         let there = self.rulers.iter().position(|one| one.id == id);
         self.rulers.remove(there.ok_or_else(|| no_ruler(id))?);
         Ok(())

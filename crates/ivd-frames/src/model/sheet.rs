@@ -9,18 +9,31 @@ use rayon::prelude::*;
 
 /// The vertex that a place (mm, RAS) means; none where the nearest is too far to be picked.
 ///
-/// - `eye`: the way to who sees it, where only sheets are meant that face them: what lies behind the skin may be nearer to a place that is seen through it.
-pub(super) fn pick(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Option<Pick> {
-    nearest_and_meant(lattice, place, eye).map(|[_, meant]| meant)
+/// - `seen`: where it is seen, sheets that face who sees it are meant: what lies behind the skin may be nearer to a place that is seen through it.
+pub(super) fn pick(lattice: &Lattice, place: [f64; 3], seen: Option<Seen<'_>>) -> Option<Pick> {
+    nearest_and_meant(lattice, place, seen).map(|[_, meant]| meant)
 }
 
 /// The place to anchor what was put at a place (mm, RAS) at: that place where its nearest vertex belongs to its sheet, else the sheet's vertex that is nearest.
-pub(super) fn anchor(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Anchor {
-    match nearest_and_meant(lattice, place, eye) {
+pub(super) fn anchor(lattice: &Lattice, place: [f64; 3], seen: Option<Seen<'_>>) -> Anchor {
+    match nearest_and_meant(lattice, place, seen) {
         Some([nearest, meant]) if nearest.vertex != meant.vertex => Anchor::NearestTo(meant.at),
         _ => Anchor::NearestTo(place),
     }
 }
+
+/// From where a surface is seen.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen<'a> {
+    /// The way to the eye.
+    pub(super) eye: Vector3<f64>,
+    /// How far vertices have moved (mm), where they have: it is as it is now that the surface faces an eye.
+    pub(super) moved: Option<&'a [[f64; 3]]>,
+}
+
+/// A sheet that faces the eye is meant unless it is farther than the nearest one by more than so many voxel diagonals: where that is cut away, what is seen
+/// is another.
+const BEHIND: f64 = 4.0;
 
 /// What of a handle's radius the surface's direction there is a mean over.
 const OUT: f64 = 0.5;
@@ -81,40 +94,76 @@ fn facing([a, b, c]: [Vector3<f64>; 3]) -> Vector3<f64> {
     (b - a).cross(&(c - a))
 }
 
-fn nearest_and_meant(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Option<[Pick; 2]> {
+fn nearest_and_meant(lattice: &Lattice, place: [f64; 3], seen: Option<Seen<'_>>) -> Option<[Pick; 2]> {
     let nearest = *find_picks(lattice, "handle", [&Anchor::NearestTo(place)]).ok()?.first()?;
-    let of_sheet = vertex_of_sheet(lattice, place, eye).or_else(|| vertex_of_sheet(lattice, place, None));
-    let vertex = of_sheet.unwrap_or(nearest.vertex);
+    let vertex = Sheets::new(lattice, place).vertex(seen).unwrap_or(nearest.vertex);
     Some([nearest, Pick { vertex, at: lattice.world(vertex).0.into(), ..nearest }])
 }
 
-/// The vertex nearest to a place (mm, RAS) among the corners of the nearest triangle (that faces an eye) and of those round it that face as that does.
-fn vertex_of_sheet(lattice: &Lattice, place: [f64; 3], eye: Option<Vector3<f64>>) -> Option<usize> {
-    let at = lattice.local_positions();
-    let place = Vector3::from(place) - Vector3::from(lattice.grid().origin());
-    let triangles = lattice.triangles();
-    let corners = |t: usize| triangles[t].map(|v| at[v as usize]);
-    let away = |t: usize| {
-        let corners = corners(t);
-        let weights = closest_on_triangle(&corners, place);
+/// The sheets of a surface about a place.
+struct Sheets<'a> {
+    triangles: &'a [[u32; 3]],
+    /// Vertices and the place (mm), from the grid's origin.
+    at: Vec<Vector3<f64>>,
+    place: Vector3<f64>,
+    diagonal: f64,
+}
+
+impl<'a> Sheets<'a> {
+    fn new(lattice: &'a Lattice, place: [f64; 3]) -> Self {
+        let grid = lattice.grid();
+        let place = Vector3::from(place) - Vector3::from(grid.origin());
+        let diagonal = grid.voxel_diagonal();
+        Self { triangles: lattice.triangles(), at: lattice.local_positions(), place, diagonal }
+    }
+
+    fn corners(&self, triangle: usize) -> [Vector3<f64>; 3] {
+        self.triangles[triangle].map(|v| self.at[v as usize])
+    }
+
+    /// Distance of a triangle (mm).
+    fn away(&self, triangle: usize) -> f64 {
+        let corners = self.corners(triangle);
+        let weights = closest_on_triangle(&corners, self.place);
         let closest: Vector3<f64> = corners.iter().zip(weights).map(|(corner, weight)| corner * weight).sum();
-        (closest - place).norm_squared()
-    };
-    let nearer = |a: (f64, usize), b: (f64, usize)| if b < a { b } else { a };
-    let facing = |t: usize| facing(corners(t));
-    let is_seen = |t: &usize| eye.is_none_or(|eye| facing(*t).dot(&eye) > 0.0);
-    let all = (0..triangles.len()).into_par_iter().with_min_len(1024).filter(is_seen);
-    let (_, nearest) = all.map(|t| (away(t), t)).reduce_with(nearer)?;
-    let normal = facing(nearest);
-    let is_beside = |t: &usize| triangles[*t].iter().any(|v| triangles[nearest].contains(v));
-    let is_of_sheet = |t: &usize| is_beside(t) && (*t == nearest || facing(*t).dot(&normal) > 0.0);
-    let away = |v: u32| ((at[v as usize] - place).norm_squared(), v as usize);
-    let closest = |t: usize| {
-        let [a, b, c] = triangles[t].map(away);
-        nearer(nearer(a, b), c)
-    };
-    let beside = (0..triangles.len()).into_par_iter().with_min_len(1024).filter(is_of_sheet);
-    beside.map(closest).reduce_with(nearer).map(|(_, vertex)| vertex)
+        (closest - self.place).norm()
+    }
+
+    /// The nearest of some triangles, and its distance (mm).
+    fn nearest(&self, of: impl Fn(&usize) -> bool + Sync + Send) -> Option<(f64, usize)> {
+        let all = (0..self.triangles.len()).into_par_iter().with_min_len(1024).filter(of);
+        all.map(|t| (self.away(t), t)).reduce_with(nearer)
+    }
+
+    /// The vertex nearest to the place among the corners of the nearest triangle, or of one that faces an eye, and of those round it that face as that does.
+    fn vertex(&self, seen: Option<Seen<'_>>) -> Option<usize> {
+        let any = self.nearest(|_| true)?;
+        let faces = |Seen { eye, moved }: Seen<'_>, triangle: usize| {
+            let now = |v: u32| {
+                let v = v as usize;
+                self.at[v] + moved.map_or_else(Vector3::zeros, |moved| Vector3::from(moved[v]))
+            };
+            facing(self.triangles[triangle].map(now)).dot(&eye) > 0.0
+        };
+        let facing_eye = seen.and_then(|seen| self.nearest(|t| faces(seen, *t)));
+        let near_enough = |(away, _): &(f64, usize)| *away <= any.0 + BEHIND * self.diagonal;
+        let (_, nearest) = facing_eye.filter(near_enough).unwrap_or(any);
+        let normal = facing(self.corners(nearest));
+        let is_beside = |t: &usize| self.triangles[*t].iter().any(|v| self.triangles[nearest].contains(v));
+        let is_of_sheet =
+            |t: &usize| is_beside(t) && (*t == nearest || facing(self.corners(*t)).dot(&normal) > 0.0);
+        let away = |v: u32| ((self.at[v as usize] - self.place).norm_squared(), v as usize);
+        let closest = |t: usize| {
+            let [a, b, c] = self.triangles[t].map(away);
+            nearer(nearer(a, b), c)
+        };
+        let beside = (0..self.triangles.len()).into_par_iter().with_min_len(1024).filter(is_of_sheet);
+        beside.map(closest).reduce_with(nearer).map(|(_, vertex)| vertex)
+    }
+}
+
+fn nearer(a: (f64, usize), b: (f64, usize)) -> (f64, usize) {
+    if b < a { b } else { a }
 }
 
 #[cfg(test)]
@@ -122,6 +171,7 @@ mod tests {
     use ivd_core::{Exec, Grid, Volume, Voxels};
     use ivd_lattice::extract::{ExtractParams, Iso, extract};
     use ivd_lattice::refine::{RefineParams, Target, collapse};
+    use nalgebra::Rotation3;
 
     use super::*;
 
@@ -131,6 +181,22 @@ mod tests {
 
     fn from_middle(place: [f64; 3]) -> f64 {
         (Vector3::from(place) - Vector3::repeat(MIDDLE)).norm()
+    }
+
+    #[test]
+    fn where_the_side_that_is_seen_is_far_away_it_is_the_nearest_that_is_meant() {
+        let grid = Grid::with_spacing([40; 3], [1.0; 3]).unwrap();
+        let value = |i: usize| 128.0 + 40.0 * (OUTER - from_middle(grid.index(i).0.map(|c| c as f64)));
+        let voxels: Vec<u8> = (0..grid.len()).map(|i| value(i).clamp(0.0, 255.0) as u8).collect();
+        let volume = Volume::new(grid, Voxels::from(voxels)).unwrap();
+        let exec = Exec::default();
+        let lattice =
+            extract(&volume, None, &ExtractParams { iso: Iso::Value(128.0) }, &exec).unwrap().lattice;
+        // Behind a cut that takes the front away.
+        let place = [MIDDLE + 3.0, MIDDLE + OUTER - 2.0, MIDDLE];
+        let seen = Seen { eye: -Vector3::y(), moved: None };
+        let meant = pick(&lattice, place, Some(seen)).unwrap();
+        assert!(meant.at[1] > place[1] && meant.away() < 3.0, "{meant:?}");
     }
 
     #[test]
@@ -148,6 +214,10 @@ mod tests {
         let params = RefineParams { target: Target::Level(3).into(), ..RefineParams::default() };
         let lattice = collapse(&finest, &params, &exec).unwrap().lattice;
         let vertex = |anchor: &Anchor| find_picks(&lattice, "handle", [anchor]).unwrap()[0];
+        let turn = Rotation3::from_euler_angles(0.4, 2.0, -0.3);
+        let middle = Vector3::repeat(MIDDLE);
+        let moved: Vec<[f64; 3]> =
+            lattice.local_positions().iter().map(|at| (turn * (at - middle) + middle - at).into()).collect();
         let (mut wrong, mut far) = (0, 0.0_f64);
         for n in 0..500 {
             // Spread evenly over a sphere by the golden angle.
@@ -163,8 +233,13 @@ mod tests {
                 assert_eq!(is_outer(meant.at), is_outer(place), "{place:?} means {:?}", meant.at);
                 far = far.max((Vector3::from(meant.at) - Vector3::from(place)).norm());
                 // From outside it is the outer side that is seen, also where the place lies within the wall or behind it.
-                let seen = vertex(&anchor(&lattice, place, Some(direction.into())));
+                let seen =
+                    vertex(&anchor(&lattice, place, Some(Seen { eye: direction.into(), moved: None })));
                 assert!(is_outer(seen.at), "{place:?} means {:?}", seen.at);
+                // It is as it is turned now that it faces an eye.
+                let eye = turn * Vector3::from(direction);
+                let seen = vertex(&anchor(&lattice, place, Some(Seen { eye, moved: Some(&moved) })));
+                assert!(is_outer(seen.at), "{place:?} means {:?}, turned", seen.at);
             }
         }
         assert!(

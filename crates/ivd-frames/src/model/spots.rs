@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use super::Model;
 use super::cut_off::cut_off;
 use crate::figures::Spot;
+use crate::panes::HALF;
 use crate::planes::BESIDE;
 use crate::{Error, Pane, Shows};
 
@@ -48,6 +49,7 @@ impl Model {
                 at: [None; 4],
                 off: [0.0; 3],
                 out: self.sides.out(pick.vertex, one.radius),
+                inwards: [None; 4],
                 gone: alone.then(|| std::array::from_fn(|a| voxels[a] - pick.at[a])),
                 seen: [false; 4],
                 beside: [false; 4],
@@ -66,6 +68,7 @@ impl Model {
             at: [None; 4],
             off: [0.0; 3],
             out: None,
+            inwards: [None; 4],
             gone: None,
             seen: [false; 4],
             beside: [false; 4],
@@ -99,6 +102,8 @@ impl Model {
         let place = |spot: &Spot| if at_rest { spot.rest } else { spot.now };
         for spot in self.spots.iter_mut().chain(&mut self.pins) {
             spot.at = self.panes.shares(grid, &self.lens, place(spot));
+            let into = |out: [f64; 3]| std::array::from_fn(|a| place(spot)[a] - 0.5 * spot.radius * out[a]);
+            spot.inwards = spot.out.map_or([None; 4], |out| self.panes.shares(grid, &self.lens, into(out)));
             if self.compared.shows == Shows::Both {
                 // Each half of a picture shows it where it is there.
                 let rest = self.panes.shares(grid, &self.lens, spot.rest);
@@ -139,7 +144,7 @@ impl Model {
             let Some((.., first)) = here.first() else { continue };
             let shares: Vec<[f64; 2]> = here.iter().map(|(.., at)| *at).collect();
             let volume = self.seen(*first);
-            let seen = self.panes.look_at_all(&shares, volume, self.transfer.as_ref(), &self.exec);
+            let seen = self.panes.look_at_all(&shares, HALF, volume, self.transfer.as_ref(), &self.exec);
             // What can't be told is shown, and asked again.
             is_known &= seen.is_ok();
             for ((n, spot, _), seen) in here.iter().zip(seen.unwrap_or_default()) {

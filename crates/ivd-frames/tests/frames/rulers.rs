@@ -1,12 +1,11 @@
 //! Lengths and angles of what is seen.
 
-use ivd_artefact::Cache;
-use ivd_core::{Exec, Grid, Value as _, Volume, Voxels};
-use ivd_frames::{Figures, Model, Pane, Request, Ruler, Shows, Subject, Tell};
-use ivd_pipeline::ExportOptions;
+use ivd_core::{Grid, Volume, Voxels};
+use ivd_frames::{Figures, Model, Pane, Request, Ruler, Shows};
 use nalgebra::Vector3;
 
-use super::common::{BALL, loaded, model};
+use super::common::{BALL, model};
+use super::scans::model_of;
 use super::scripts::assert_as_piped;
 
 /// Sides of the voxels (mm).
@@ -43,16 +42,8 @@ fn oblique(parts: &str) -> Model {
     };
     let values: Vec<f32> = (0..grid.len()).map(value).collect();
     let volume = Volume::new(grid, Voxels::from(values)).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("ball.nrrd");
-    let artefact = volume.into_artefact();
-    ivd_pipeline::export_with(&artefact, &file, &ExportOptions::default(), &Exec::default()).unwrap();
-    let text = BALL.replace("phantom = \"sphere\"\nsize = 32", "file = \"ball.nrrd\"") + parts;
-    let mut loaded = loaded(&text);
-    folder.path().clone_into(&mut loaded.folder);
-    let exec = Exec::default();
-    let subject = Subject::open(&loaded, false, &Cache::disabled(), &exec, &Tell::default()).unwrap();
-    Model::new(subject, [128, 128], exec).unwrap()
+    let text = BALL.replace("phantom = \"sphere\"\nsize = 32", "file = \"scan.nrrd\"") + parts;
+    model_of(volume, &text)
 }
 
 fn near(a: f64, b: f64, what: &str) {

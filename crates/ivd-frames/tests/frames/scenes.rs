@@ -157,17 +157,36 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
         Subject::open(&loaded, true, &ivd_artefact::Cache::disabled(), &Exec::default(), &Tell::default())
             .unwrap();
     assert_eq!(&subject.volume, ball.session().rest());
-    // A quarter of 0.15 of the shortest side, 31 mm.
-    assert_eq!((subject.settings.level, subject.settings.max_edge), (0, Some(1.2)));
-    assert_eq!(subject.said.len(), 5, "{:?}", subject.said);
+    // What isn't refined has the edges that it has.
+    assert_eq!((subject.settings.level, subject.settings.max_edge), (0, None));
+    assert_eq!(subject.said.len(), 4, "{:?}", subject.said);
     assert!(matches!(subject.settings.map, MapChoice::Biharmonic(_)));
     assert!(subject.transfer.is_some());
     let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
     let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
     let text = String::from_utf8(kept.bytes).unwrap();
-    assert!(text.contains("method = \"biharmonic\"") && text.contains("max_edge = 1.2"), "{text}");
+    assert!(text.contains("method = \"biharmonic\"") && !text.contains("max_edge"), "{text}");
     assert!(text.contains("scan.nii.gz\"") && !text.contains('‘'), "where it lies stays untold: {text}");
     assert!(bare_scene(Path::new("x.nii"), &["lattice.isu=3".parse().unwrap()]).is_err());
+}
+
+#[test]
+fn a_longest_edge_goes_with_the_level_and_the_pipeline_makes_the_same() {
+    let text = BALL.replace("level = 1", "level = 2\nmax_edge = 3.0");
+    let mut model = model(&text);
+    let coarse = model.session().lattice().keys().len();
+    let add = Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -1.5, 0.0] };
+    model.follow(&add).unwrap();
+    assert_as_piped(&model);
+    // Without it there are fewer vertices.
+    let free = self::model(&BALL.replace("level = 1", "level = 2"));
+    assert!(free.session().lattice().keys().len() < coarse, "{coarse}");
+    for (level, mm) in [(3, 6.0), (1, 1.5), (2, 3.0)] {
+        model.follow(&Request::Level { level }).unwrap();
+        assert_eq!(model.session().settings().max_edge, Some(mm));
+        assert_as_piped(&model);
+    }
+    assert_eq!(model.session().lattice().keys().len(), coarse);
 }
 
 #[test]

@@ -75,6 +75,45 @@ fn colours_and_rulers_are_undone_in_the_order_in_which_they_were_made() {
     follow(&mut model, &Request::Undo);
     let told = follow(&mut model, &Request::Move { handle: 0, by: [0.0, 1.5, 0.0] });
     assert_eq!((told.redo, told.rulers.len()), (None, 1));
+    // Nor is what the session has undone.
+    follow(&mut model, &Request::Undo);
+    let told = follow(&mut model, &Request::Unmeasure { ruler: 0 });
+    assert_eq!((told.redo, told.undo.as_deref()), (None, Some("remove ruler 0")));
+    // A drag that is given up is nothing else.
+    follow(&mut model, &Request::Undo);
+    follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5; 2] });
+    follow(&mut model, &Request::Drag { to: [0.52, 0.5], lock: None });
+    let told = follow(&mut model, &Request::Abandon);
+    assert_eq!(told.redo.as_deref(), Some("remove ruler 0"));
+    // What a window restores is how it begins.
+    follow(&mut model, &Request::Unmeasure { ruler: 0 });
+    let told = follow(&mut model, &Request::Restored);
+    assert_eq!(told.undo.as_deref(), Some("move a handle"));
+}
+
+#[test]
+fn rulers_are_undone_one_by_one() {
+    let mut model = model(BALL);
+    let line = |to| Request::Measure { pane: Pane::Axial, from: [0.3; 2], to };
+    let rulers = |told: Figures| told.rulers.len();
+    for (n, to) in [[0.6, 0.6], [0.3, 0.7], [0.7, 0.3]].into_iter().enumerate() {
+        follow(&mut model, &line(to));
+        let told = model.figures();
+        assert_eq!(told.rulers.iter().map(|ruler| ruler.now.len() - 1).sum::<usize>(), n + 1);
+    }
+    let counts: Vec<usize> = (0..3).map(|_| rulers(follow(&mut model, &Request::Undo))).collect();
+    assert!(counts.windows(2).all(|two| two[1] <= two[0]) && counts[2] == 0, "{counts:?}");
+    assert_eq!(model.figures().undo, None);
+}
+
+#[test]
+fn colours_that_are_reset_come_back_with_how_bright_slices_were() {
+    let mut model = model(BALL);
+    let brighter = follow(&mut model, &Request::Window { by: [0.2, 0.1] });
+    let reset = follow(&mut model, &Request::ResetColours);
+    assert_ne!(reset.window, brighter.window);
+    assert_eq!(follow(&mut model, &Request::Undo).window, brighter.window);
+    assert_eq!(follow(&mut model, &Request::Redo).window, reset.window);
 }
 
 #[test]
@@ -94,7 +133,18 @@ fn a_slider_that_is_held_is_one_step_and_what_changes_nothing_is_none() {
     }
     assert_eq!(model.figures().classes.last().unwrap().opacity, 0.3);
     let undone = follow(&mut model, &Request::Undo);
-    assert_eq!((undone.classes, undone.undo), (before.classes, None));
+    assert_eq!((undone.classes.clone(), undone.undo), (before.classes.clone(), None));
+    // Taken hold of once more it is another.
+    for opacity in [0.4, 0.5] {
+        let colour = Some(class.colour.clone());
+        let look = Request::Class { class: class.id, hidden: false, opacity: Some(opacity), colour };
+        follow(&mut model, &look);
+        follow(&mut model, &Request::Hover { pane: Pane::Volume, at: [0.5; 2] });
+    }
+    assert_eq!(follow(&mut model, &Request::Undo).classes.last().unwrap().opacity, 0.4);
+    assert_eq!(follow(&mut model, &Request::Undo).classes, before.classes);
+    let unknown = Request::Class { class: 60_000, hidden: true, opacity: None, colour: None };
+    assert!(model.follow(&unknown).unwrap_err().to_string().contains("class 60000"));
     let reset = follow(&mut model, &Request::ResetColours);
     assert_eq!(reset.undo, None, "they were as they are");
 }

@@ -19,7 +19,7 @@ pub(super) struct Limits {
     pub(super) turn_cosine: f64,
     /// Largest bound allowed (mm).
     pub(super) bound: f64,
-    /// Squared length (mm²) beyond which no edge is made; infinite where any may be.
+    /// See [`edge_squared`].
     pub(super) edge_squared: f64,
 }
 
@@ -39,7 +39,7 @@ impl Limits {
     }
 }
 
-/// Squared length (mm²) beyond which no edge is made.
+/// Squared length (mm²) beyond which no edge is made; infinite where any may be.
 pub(super) fn edge_squared(params: &RefineParams) -> f64 {
     params.max_edge.map_or(f64::INFINITY, |mm| mm * mm)
 }

@@ -125,6 +125,14 @@ fn no_edge_is_made_that_is_longer_than_any_may_be() {
             assert!(out.reached.refused.edges > out.lattice.keys().len() as u64 / 2, "{:?}", out.reached);
             assert_eq!(out.reached.stopped_by, StopReason::Edges, "{method:?}");
         }
+        // Where it may be pinched, and by legal merges.
+        for (by, allow_topology) in [(method, true), (Method::Merge, false)] {
+            let params =
+                RefineParams { max_edge: Some(5.0), allow_topology, ..params(by, Target::Ratio(0.0)) };
+            let out = run(&block, &params, &[]);
+            assert!(edges(&out.lattice).all(|mm| mm <= 5.0), "{by:?}");
+            assert!(out.lattice.keys().len() < block.keys().len() / 2, "{by:?}");
+        }
         let far = RefineParams { max_edge: Some(1e3), ..params(method, Target::Ratio(0.2)) };
         let plain = run(&block, &params(method, Target::Ratio(0.2)), &[]);
         assert_eq!(run(&block, &far, &[]), plain, "{method:?}");

@@ -201,30 +201,41 @@ impl Prepared<'_> {
     ///
     /// # Errors
     /// As [`crate::render`]; a pixel beyond the picture; mode mean, which shows no place.
-    pub fn pick(&self, view: View, [x, y]: [usize; 2]) -> Result<Option<Pick>, Error> {
+    pub fn pick(&self, view: View, pixel: [usize; 2]) -> Result<Option<Pick>, Error> {
+        self.pick_at(view, pixel, pick::HALF)
+    }
+
+    /// As [`Prepared::pick`], of direct volume rendering where opacity passes a share (0…1) of what the ray has in all: a small one is where a translucent
+    /// body begins.
+    ///
+    /// # Errors
+    /// As [`Prepared::pick`].
+    pub fn pick_at(&self, view: View, [x, y]: [usize; 2], share: f32) -> Result<Option<Pick>, Error> {
         let params = RenderParams { view, picks: vec![[x, y]], ..self.params.clone() };
         params.check()?;
         let camera = self.camera(&params);
         let Some(ray) = camera.ray(x, y) else { return Ok(None) };
-        Ok(with_fast!(&self.voxels, slice => self.pick_by(slice, &camera, &ray)))
+        Ok(with_fast!(&self.voxels, slice => self.pick_by(slice, &camera, &ray, share)))
     }
 
-    fn pick_by<T: Pairs>(&self, voxels: &[T], camera: &Camera, ray: &Ray) -> Option<Pick> {
+    fn pick_by<T: Pairs>(&self, voxels: &[T], camera: &Camera, ray: &Ray, share: f32) -> Option<Pick> {
         let field = self.field(voxels, camera);
-        let seen = self.seen(&field, ray)?;
+        let seen = self.seen(&field, ray, share)?;
         let real = |fast: f32| self.scene.volume.real(f64::from(fast) + self.shift);
         pick::picked(&field, self.scene.volume.grid(), self.labels, real, seen)
     }
 
-    /// What a ray shows.
-    pub(super) fn seen<T: Pairs>(&self, field: &Field<'_, T>, ray: &Ray) -> Option<Seen> {
+    /// What a ray shows, where a share of its opacity lies before it.
+    pub(super) fn seen<T: Pairs>(&self, field: &Field<'_, T>, ray: &Ray, share: f32) -> Option<Seen> {
         let sign = self.sign() as f32;
         match &self.optics {
             ModeState::Dvr(classifier) if field.ids.is_empty() => {
-                pick::half_way(field, &AtMiddle::<false, false>(classifier), ray)
+                pick::part_way(field, &AtMiddle::<false, false>(classifier), ray, share)
             }
-            ModeState::Dvr(classifier) => pick::half_way(field, &AtMiddle::<true, false>(classifier), ray),
-            ModeState::PreIntegrated(table) => pick::half_way(field, &AtEnds::<false>(table), ray),
+            ModeState::Dvr(classifier) => {
+                pick::part_way(field, &AtMiddle::<true, false>(classifier), ray, share)
+            }
+            ModeState::PreIntegrated(table) => pick::part_way(field, &AtEnds::<false>(table), ray, share),
             ModeState::Projection(_) => match self.params.mode {
                 // What is refused is shown nowhere.
                 Mode::Mean => None,

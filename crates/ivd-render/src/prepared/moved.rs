@@ -8,6 +8,7 @@ use super::Prepared;
 use super::cast::with_fast;
 use crate::annotate::{self, Bar};
 use crate::camera::{Camera, Ray};
+use crate::pick::HALF;
 use crate::picture;
 use crate::scale::{BLUE_TO_RED, colour_at, rounded_up};
 use crate::wide::Pairs;
@@ -81,7 +82,7 @@ impl Prepared<'_> {
         let grid = self.scene.volume.grid();
         let world = |at: [f32; 3]| grid.world(VoxelCoord(Vector3::from(at).map(f64::from))).0;
         let of_ray = |ray: &Ray| {
-            let seen = self.seen(&field, ray)?;
+            let seen = self.seen(&field, ray, HALF)?;
             let moves = field.moves(field.space.brick(seen.place));
             if !moves {
                 return Some(0.0);

@@ -74,6 +74,13 @@ fn of_what_is_seen_through_the_place_is_taken_behind_which_half_of_it_lies() {
         for (pixel, pick) in found {
             assert!((pick.place[1] - expected).abs() < 0.1, "{pixel:?}: {} for {expected}", pick.place[1]);
         }
+        // Hardly any of it lies before where it begins, and all before its end but what shows no more.
+        let prepared = Prepared::new(&scene, &params(Mode::Dvr, View::FRONT), &Exec::default()).unwrap();
+        for share in [0.01_f32, 0.1, 0.9] {
+            let expected = edge - (2.0 * -(1.0 - f64::from(share)).ln() / c).sqrt();
+            let pick = prepared.pick_at(View::FRONT, SIZE.map(|n| n / 2), share).unwrap().unwrap();
+            assert!((pick.place[1] - expected).abs() < 0.2, "{share}: {} for {expected}", pick.place[1]);
+        }
     }
 }
 

@@ -151,6 +151,10 @@ fn numbers_with_more_digits_than_are_written_stay_as_they_are_where_keys_pass_by
     typed(&mut here, "5.0437");
     here.told("a radius", |told| told.handles[0].radius == 5.0437);
     here.settle();
+    // What is typed counts, however little it is.
+    typed(&mut here, "5.04");
+    here.told("a radius", |told| told.handles[0].radius == 5.04);
+    here.settle();
     let before = here.figures().clone();
     here.harness.key_press(Key::Escape);
     // Once round all of the window, and past the field again.
@@ -162,6 +166,29 @@ fn numbers_with_more_digits_than_are_written_stay_as_they_are_where_keys_pass_by
     here.settle();
     let after = here.figures();
     assert_eq!((&after.handles, &after.undo), (&before.handles, &before.undo));
+}
+
+#[test]
+fn each_handle_that_is_typed_has_the_keys_once_it_is_there() {
+    let mut here = Here::ball();
+    for (n, place) in ["16, 28, 16", "16, 4, 16"].into_iter().enumerate() {
+        tab_to(&mut here, "Place of a new handle, at rest, mm");
+        typed(&mut here, place);
+        here.told("a handle", |told| told.handles.len() == n + 1);
+        here.harness.step();
+        here.harness.step();
+        typed(&mut here, &format!("{}", 1.0 + n as f64));
+        let into = |told: &Figures, n: usize| {
+            let one = &told.handles[n];
+            one.by.zip(one.out).map(|(by, out)| -(0..3).map(|a| by[a] * out[a]).sum::<f64>())
+        };
+        let told = here.told("it goes in", |told| into(told, n).is_some_and(|mm| mm > 0.5));
+        for m in 0..=n {
+            assert!((into(&told, m).unwrap() - (1.0 + m as f64)).abs() < 1e-9, "{n}, {m}");
+        }
+        here.harness.key_press(Key::Escape);
+        here.harness.step();
+    }
 }
 
 #[test]
