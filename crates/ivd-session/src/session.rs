@@ -110,6 +110,7 @@ impl Session {
             levels: BTreeMap::new(),
             settings: Settings {
                 warp: settings.warp.clone(),
+                level: settings.level,
                 max_edge: settings.max_edge,
                 ..Settings::default()
             },

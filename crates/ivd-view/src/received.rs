@@ -44,6 +44,15 @@ impl Word {
     }
 }
 
+/// Where a step goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// It is undone.
+    Back,
+    /// It is done again.
+    Forth,
+}
+
 impl Window {
     pub(crate) fn failed(&mut self, title: &'static str, text: &str) {
         self.dialog = Some(Dialog::Problem { title, text: text.to_owned() });
@@ -63,27 +72,24 @@ impl Window {
     pub(crate) fn told_of(&mut self, request: &Request) {
         match request {
             Request::Abandon => self.word = None,
-            Request::Undo | Request::Redo => self.steps = true,
+            Request::Undo => self.steps = Some(Way::Back),
+            Request::Redo => self.steps = Some(Way::Forth),
             _ => {}
         }
     }
 
     /// Names the step that was undone or done again, once it is.
     fn stepped(&mut self, now: &Figures) {
-        if !std::mem::take(&mut self.steps) {
-            return;
-        }
+        let Some(way) = self.steps.take() else { return };
         let Some(was) = self.shown.figures() else { return };
-        let told = match (&now.redo, &now.undo) {
-            (Some(undone), _) if was.redo != now.redo && was.undo.as_ref() == Some(undone) => {
-                format!("Undone: {undone}")
-            }
-            (_, Some(done)) if was.undo != now.undo && was.redo.as_ref() == Some(done) => {
-                format!("Redone: {done}")
-            }
-            _ => return,
+        let (verb, name, is) = match way {
+            Way::Back => ("Undone", &was.undo, &now.redo),
+            Way::Forth => ("Redone", &was.redo, &now.undo),
         };
-        self.say(told);
+        if let Some(name) = name.as_ref().filter(|_| name == is && now.refused.is_none()) {
+            let told = format!("{verb}: {name}");
+            self.say(told);
+        }
     }
 
     /// Takes what the service gave.

@@ -13,7 +13,7 @@ use crate::layout::Layout;
 use crate::made::Wish;
 use crate::pane::places;
 use crate::pending::Pending;
-use crate::received::Word;
+use crate::received::{Way, Word};
 use crate::record::Recording;
 use crate::run::Options;
 use crate::shown::Shown;
@@ -74,7 +74,7 @@ pub struct Window {
     pub(crate) asked: Option<Waits>,
     pub(crate) word: Option<Word>,
     /// Whether a step back or forth was asked for, to be named.
-    pub(crate) steps: bool,
+    pub(crate) steps: Option<Way>,
     /// To be opened as soon as there is a window.
     first: Option<Source>,
     /// Size that the volume's pane asks for, since when, and whether it was asked for.
@@ -114,7 +114,7 @@ impl Window {
             notes: Vec::new(),
             asked: None,
             word: None,
-            steps: false,
+            steps: None,
             first,
             size: ([0; 2], 0.0, true),
             lost: false,

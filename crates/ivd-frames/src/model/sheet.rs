@@ -214,10 +214,13 @@ mod tests {
         let params = RefineParams { target: Target::Level(3).into(), ..RefineParams::default() };
         let lattice = collapse(&finest, &params, &exec).unwrap().lattice;
         let vertex = |anchor: &Anchor| find_picks(&lattice, "handle", [anchor]).unwrap()[0];
-        let turn = Rotation3::from_euler_angles(0.4, 2.0, -0.3);
+        let turned = Rotation3::from_euler_angles(0.4, 2.0, -0.3);
         let middle = Vector3::repeat(MIDDLE);
-        let moved: Vec<[f64; 3]> =
-            lattice.local_positions().iter().map(|at| (turn * (at - middle) + middle - at).into()).collect();
+        let moved: Vec<[f64; 3]> = lattice
+            .local_positions()
+            .iter()
+            .map(|at| (turned * (at - middle) + middle - at).into())
+            .collect();
         let (mut wrong, mut far) = (0, 0.0_f64);
         for n in 0..500 {
             // Spread evenly over a sphere by the golden angle.
@@ -237,7 +240,7 @@ mod tests {
                     vertex(&anchor(&lattice, place, Some(Seen { eye: direction.into(), moved: None })));
                 assert!(is_outer(seen.at), "{place:?} means {:?}", seen.at);
                 // It is as it is turned now that it faces an eye.
-                let eye = turn * Vector3::from(direction);
+                let eye = turned * Vector3::from(direction);
                 let seen = vertex(&anchor(&lattice, place, Some(Seen { eye, moved: Some(&moved) })));
                 assert!(is_outer(seen.at), "{place:?} means {:?}, turned", seen.at);
             }

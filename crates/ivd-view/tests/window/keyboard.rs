@@ -152,6 +152,9 @@ fn numbers_with_more_digits_than_are_written_stay_as_they_are_where_keys_pass_by
     here.told("a radius", |told| told.handles[0].radius == 5.0437);
     here.settle();
     // What is typed counts, however little it is.
+    here.harness.key_press(Key::Escape);
+    here.harness.step();
+    tab_to(&mut here, "Handle 0: radius, mm");
     typed(&mut here, "5.04");
     here.told("a radius", |told| told.handles[0].radius == 5.04);
     here.settle();
