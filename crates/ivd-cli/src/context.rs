@@ -140,7 +140,10 @@ impl Context {
         if path.exists() && !ivd_artefact::is_artefact(path) {
             return Err(Failure::of(
                 ErrorClass::Input,
-                format!("{}: not an artefact (`ivd import` makes one of a volume file)", path.display()),
+                format!(
+                    "{}: not an artefact (`ivd import` makes one of a volume file, with --displacement of a field of vectors)",
+                    path.display()
+                ),
             ));
         }
         Ok(Input::from(self.exec.run(|| read(path))?))

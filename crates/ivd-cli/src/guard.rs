@@ -74,7 +74,9 @@ impl Guard {
         let (passed, Some(limit)) = (self.passed.load(Ordering::Acquire), limit) else { return error };
         let about = error.chain().find_map(about_mib);
         let named = about.map(|mib| {
-            format!("about {mib} MiB do for this (--memory-limit {mib}MiB, reckoned from what is worked on)")
+            format!(
+                "about {mib} MiB do for this stage (--memory-limit {mib}MiB, reckoned from what it works on)"
+            )
         });
         if passed == 0 {
             // One array was beyond the limit by itself; other failures are what they are.

@@ -338,6 +338,9 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
     for (scene, word) in [
         (with("animation = \"move.stl\""), ".glb or .pvd"),
         (with("volume_series = \"volumé\""), "voxels are written as"),
+        (with("displacement = \"field.ivd\""), "a displacement field is written as .nrrd"),
+        (with("labels = \"labels.png\""), "voxels are written as"),
+        (with("lattice_extracted = \"cut.3mf\""), "a lattice is written as .ply"),
         (with("picture_series = \"at.jpg\""), "pictures are written as .png"),
         (with("picture_series = \"at.exr\""), "keep_light"),
         (

@@ -163,14 +163,18 @@ fn write_volume(path: &Path, volume: &Volume, exec: &Exec) -> Result<bool, Error
 pub(crate) const VOLUME_ENDINGS: [&str; 10] =
     ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw"];
 
+/// Formats that displacement fields are written in.
+pub(crate) const FIELD_ENDINGS: [&str; 3] = ["nrrd", "nii", "nii.gz"];
+
 fn write_field(
     path: &Path,
     field: &Displacement,
     direction: FieldDirection,
     exec: &Exec,
 ) -> Result<bool, Error> {
-    if !["nrrd", "nii", "nii.gz"].contains(&&*ending(path)) {
-        let problem = format!("{}: a displacement field is written as .nrrd, .nii, .nii.gz", path.display());
+    if !FIELD_ENDINGS.contains(&&*ending(path)) {
+        let known = FIELD_ENDINGS.join(", .");
+        let problem = format!("{}: a displacement field is written as .{known}", path.display());
         return Err(Error::usage("export", problem));
     }
     ivd_io::volume::write_field(path, field, direction, exec)

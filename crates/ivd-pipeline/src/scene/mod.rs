@@ -21,7 +21,6 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
-use crate::export::VOLUME_ENDINGS;
 use crate::pictures::{check_pictures, is_animation};
 use crate::plan::{OF_FRAMES, PICTURES, SERIES};
 use crate::{Error, Section, ending};
@@ -235,6 +234,7 @@ impl Scene {
             ));
         }
         self.check_frames()?;
+        self.output.check_endings()?;
         for (name, path) in self.output.files() {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
                 return Err(format!(
@@ -270,13 +270,6 @@ impl Scene {
                 "output.animation = {}: a motion is written as .glb or .pvd; other meshes stand still (output.lattice_deformed)",
                 path.display()
             ));
-        }
-        let volumes = [("volume", &self.output.volume), (SERIES, &self.output.volume_series)];
-        for (name, path) in volumes.iter().filter_map(|(name, path)| Some((name, path.as_ref()?))) {
-            if !VOLUME_ENDINGS.contains(&&*ending(path)) {
-                let known = VOLUME_ENDINGS.join(", .");
-                return Err(format!("output.{name} = {}: voxels are written as .{known}", path.display()));
-            }
         }
         let frame =
             self.section(&ivd_map::STAGE).and_then(|section| section.job().params().get("frame").cloned());

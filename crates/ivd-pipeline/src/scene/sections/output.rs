@@ -1,8 +1,13 @@
 use std::path::{Path, PathBuf};
 
 use ivd_io::Space;
+use ivd_io::mesh::Format as MeshFormat;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::ending;
+use crate::export::{FIELD_ENDINGS, VOLUME_ENDINGS};
+use crate::plan::SERIES as VOLUME_SERIES;
 
 /// A picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -80,15 +85,39 @@ pub struct OutputSection {
     pub space: Option<MeshSpace>,
     /// The displacement field from deformed to rest space, as a vector image.
     pub displacement: Option<PathBuf>,
-    /// The labels.
+    /// The labels, at rest: `ivd warp` moves labels through a displacement.
     pub labels: Option<PathBuf>,
-    /// The isolated part.
+    /// The isolated part, at rest.
     pub mask: Option<PathBuf>,
     /// The report, `report.html`, with its pictures.
     pub report: bool,
 }
 
 impl OutputSection {
+    /// What a file holds can be written by its ending: better told before all work than after it.
+    pub(crate) fn check_endings(&self) -> Result<(), String> {
+        let meshes = MeshFormat::ALL.map(MeshFormat::ending);
+        let moving = [&meshes[..], &["pvd"]].concat();
+        for (key, path, what, endings) in [
+            ("volume", &self.volume, "voxels are", &VOLUME_ENDINGS[..]),
+            (VOLUME_SERIES, &self.volume_series, "voxels are", &VOLUME_ENDINGS),
+            ("labels", &self.labels, "voxels are", &VOLUME_ENDINGS),
+            ("mask", &self.mask, "voxels are", &VOLUME_ENDINGS),
+            ("displacement", &self.displacement, "a displacement field is", &FIELD_ENDINGS),
+            ("lattice", &self.lattice, "a lattice is", &meshes),
+            ("lattice_extracted", &self.lattice_extracted, "a lattice is", &meshes),
+            ("lattice_deformed", &self.lattice_deformed, "a lattice is", &moving),
+        ] {
+            // Of all but the volume a description may be written.
+            let described = !["volume", VOLUME_SERIES].contains(&key);
+            let is_known = |ending: &str| endings.contains(&ending) || (described && ending == "json");
+            let Some(path) = path.as_ref().filter(|path| !is_known(&ending(path))) else { continue };
+            let (path, known) = (path.display(), endings.join(", ."));
+            return Err(format!("output.{key} = {path}: {what} written as .{known}"));
+        }
+        Ok(())
+    }
+
     /// The files that are named, with their keys.
     pub fn files(&self) -> Vec<(&'static str, &Path)> {
         [
