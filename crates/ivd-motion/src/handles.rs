@@ -1,6 +1,6 @@
 //! Handles: which vertices of a lattice are told to move, are pulled or stay, as every solver takes them.
 
-use ivd_core::{Error, Lattice, ParamError};
+use ivd_core::{Error, Grid, Lattice, ParamError, VoxelCoord, World};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -143,6 +143,37 @@ pub(crate) fn resolve(
         problem,
         remedy: "pick a point nearer to the lattice; `ivd info` tells where that is",
     })
+}
+
+/// Refuses points that lie so far outside a volume that no vertex in it is near enough.
+///
+/// # Errors
+/// A point further than ten voxel diagonals from the volume.
+pub fn check_within<'a>(
+    grid: &Grid,
+    what: &'static str,
+    places: impl IntoIterator<Item = &'a Anchor>,
+) -> Result<(), Error> {
+    let limit = PICK_DIAGONALS * grid.voxel_diagonal();
+    for at in places {
+        let Anchor::NearestTo(point) = *at else { continue };
+        let VoxelCoord(voxel) = grid.voxel(World(point.into()));
+        let dims = grid.dims();
+        let inside = Vector3::from_fn(|a, _| voxel[a].clamp(-0.5, dims[a] as f64 - 0.5));
+        let away = (grid.linear_part() * (voxel - inside)).norm();
+        if away <= limit {
+            continue;
+        }
+        let told = grid.told_outside(point).map_or_else(String::new, |told| format!("; {told}"));
+        return Err(Error::Mismatch {
+            what,
+            problem: format!(
+                "{point:.3?} mm lies {away:.3} mm outside the volume, further than {limit:.3} mm (ten voxel diagonals){told}"
+            ),
+            remedy: "pick a point of what is deformed; `ivd info` tells where the volume is",
+        });
+    }
+    Ok(())
 }
 
 /// The vertex that a place was found at.

@@ -180,6 +180,14 @@ fn walk(
         };
         *seen = seen.with(&result.artefact);
         control.after(node.id, &result);
+        if node.id == NodeId::IMPORT {
+            // Where the volume lies is known: places far outside it are wrong whatever is found in it.
+            for stage in
+                plan.nodes().iter().filter(|node| node.needed).filter_map(|node| node.stage.as_deref())
+            {
+                stage.look_ahead("", &result.artefact)?;
+            }
+        }
         for (heir, slot) in plan.heirs(at) {
             heir.stage.as_deref().map_or(Ok(()), |stage| stage.look_ahead(slot, &result.artefact))?;
         }

@@ -75,7 +75,8 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
         None
     }
 
-    /// Checks what can be checked against a value that the one in a slot is still to be made from, before work goes into that.
+    /// Checks what can be checked against a value that the one in a slot is still to be made from, before work goes into that; in no slot against the volume
+    /// that all is made from.
     ///
     /// # Errors
     /// What would be an error with the value in the slot as well.

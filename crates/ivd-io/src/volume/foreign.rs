@@ -15,7 +15,7 @@ use Mark::{Bytes, Ending};
 
 const FIJI: &str = "open it in Fiji (its Bio-Formats read it) and save it as TIFF";
 const HDF5: &str = "write its array as .nrrd, with its spacing: in Python h5py reads it and SimpleITK writes .nrrd; mnc2nii makes NIfTI of MINC, and \
-                    Fiji a TIFF of Imaris";
+                    Fiji a TIFF of Imaris; a transform of ITK or 3D Slicer is saved there as a displacement field, .nrrd";
 const MATLAB: &str = "write its array as NIfTI or .nrrd, with its spacing: niftiwrite in MATLAB; in Python scipy.io.loadmat and SimpleITK";
 const NUMPY: &str = "write the array as .nrrd, with its spacing: in Python SimpleITK.GetImageFromArray, SetSpacing and WriteImage";
 const UNPACK: &str = "unpack it, and give the file or the folder that was in it";
@@ -35,6 +35,11 @@ const KINDS: &[(&[Mark], &str, &str)] = &[
         ],
         "an HDF5 file (.h5, .hdf5, .mat of MATLAB 7.3, MINC 2, Imaris)",
         HDF5,
+    ),
+    (
+        &[Bytes(0, b"#Insight Transform File"), Ending(".tfm")],
+        "a transform of ITK or 3D Slicer (.tfm)",
+        "save it there as a displacement field, .nrrd, which `ivd import --displacement` takes",
     ),
     (&[Bytes(0, b"MATLAB ")], "a MATLAB file", MATLAB),
     (&[Bytes(0, b"\x93NUMPY")], "a NumPy array (.npy)", NUMPY),
@@ -129,6 +134,8 @@ mod tests {
             ("scan.mat", later(512, hdf5), "HDF5", "h5py"),
             ("scan.mat", later(0, b"MATLAB 5.0 MAT-file"), "MATLAB", "niftiwrite"),
             ("arrays.npz", later(0, b"PK\x03\x04"), "NumPy", "GetImageFromArray"),
+            ("move.tfm", later(0, b"#Insight Transform File V1.0"), "3D Slicer", "--displacement"),
+            ("move.h5", later(0, b"\x89HDF\r\n\x1a\n"), "HDF5", "displacement field"),
             ("scans.zip", later(0, b"PK\x03\x04"), "archive", "unpack"),
             ("scan", later(257, b"ustar"), "archive", "unpack"),
             ("cells.czi", later(0, b"ZISRAWFILE"), "Zeiss", "Fiji"),

@@ -64,5 +64,19 @@ pub(crate) fn read(path: &Path, layout: &RawLayout, exec: &Exec) -> Result<Volum
 
 /// Writes the voxels alone, least significant byte first.
 pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
-    replace(path, |to| Values::without_scale(volume).write(to, path, volume, exec))
+    let values = Values::without_scale(volume);
+    let written = replace(path, |to| values.write(to, path, volume, exec))?;
+    let grid = volume.grid();
+    exec.observer().note(&format!(
+        "{}: numbers alone; --raw-dims {} --raw-type {} --raw-spacing {} read it back, --grid-of FILE gives it another's place",
+        path.display(),
+        listed(grid.dims()),
+        values.voxel_type(volume).name(),
+        listed(grid.spacing()),
+    ));
+    Ok(written)
+}
+
+fn listed<T: std::fmt::Display>(of: [T; 3]) -> String {
+    of.map(|one| one.to_string()).join(",")
 }

@@ -1,5 +1,5 @@
 use ivd_core::op::Failure;
-use ivd_core::{Artefact, Lattice, ParamError, Value as _};
+use ivd_core::{Artefact, Lattice, ParamError, Value as _, Volume};
 use ivd_field::shape::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -181,12 +181,18 @@ impl Moves {
         ])
     }
 
-    /// Whether points lie near enough to a lattice that the one which will move is made from. Numbers count in that one: they can't be
+    /// Whether points lie near enough to the volume, or to a lattice that the one which will move is made from. Numbers count in that one: they can't be
     /// looked at before.
     ///
     /// # Errors
-    /// Those of [`handles::find_picks`].
+    /// Those of [`handles::find_picks`] and [`handles::check_within`].
     pub(super) fn look_ahead(&self, slot: &str, value: &Artefact) -> Result<(), Failure> {
+        if let Some(volume) = Volume::of(value) {
+            let (handles, fixed) = (self.handles()?, self.fixed());
+            handles::check_within(volume.grid(), "handle", handles.iter().map(|handle| &handle.at))?;
+            handles::check_within(volume.grid(), "fixed vertex", fixed.iter().map(|pin| &pin.at))?;
+            return Ok(());
+        }
         let Some(lattice) = Lattice::of(value).filter(|_| slot == "lattice") else { return Ok(()) };
         let points = |of: Vec<Anchor>| {
             of.into_iter().filter(|at| matches!(at, Anchor::NearestTo(_))).collect::<Vec<_>>()
