@@ -4,7 +4,7 @@ use ivd_frames::{Model, Subject, Tell};
 use ivd_pipeline::scene::{Loaded, parse};
 
 /// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
-pub(crate) const BALL: &str = include_str!("../ball.toml");
+pub(crate) const BALL: &str = include_str!("ball.toml");
 
 pub(crate) fn loaded(text: &str) -> Loaded {
     Loaded { scene: parse(text, &[]).unwrap(), folder: ".".into(), file: "scene.toml".into() }

@@ -15,7 +15,7 @@ use tungstenite::protocol::Message;
 use tungstenite::{WebSocket, client};
 
 /// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
-const BALL: &str = include_str!("../../../ivd-frames/tests/ball.toml");
+const BALL: &str = include_str!("../../../ivd-frames/tests/frames/ball.toml");
 
 /// A server of a small ball; it ends with the test.
 pub(crate) struct Server {

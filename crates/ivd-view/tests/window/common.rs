@@ -11,7 +11,7 @@ use ivd_frames::{Figures, Source};
 use ivd_view::{Chooser, Options, Window};
 
 /// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
-pub(crate) const BALL: &str = include_str!("../../../ivd-frames/tests/ball.toml");
+pub(crate) const BALL: &str = include_str!("../../../ivd-frames/tests/frames/ball.toml");
 
 /// Whatever takes longer never comes.
 const LONG: Duration = Duration::from_mins(1);
