@@ -20,8 +20,8 @@ import SimpleITK as sitk
 import trimesh
 import vtk
 
-import readers
 from checks import check, ivd, outcome
+from readers import vti
 
 PAGE = Path(__file__).resolve().parent / "../../docs/recipes.md"
 
@@ -91,7 +91,7 @@ def by_nibabel(path):
 
 
 def by_vtk(path):
-    return with_place(*readers.vti(path))
+    return with_place(*vti(path))
 
 
 def check_volume(name, found, values, told, to_ras=np.eye(3)):

@@ -15,8 +15,8 @@ import nibabel as nib
 import numpy as np
 import SimpleITK as sitk
 
-import readers
 from checks import check, ivd, outcome
+from readers import vti
 
 MR, CT, PET = (f"1.2.840.10008.5.1.4.1.1.{n}" for n in ("4", "2", "128"))
 SHAPE = (4, 5, 6)
@@ -100,7 +100,7 @@ def read_back(name, program, folder, real, whole):
         if ending.startswith("nii"):
             head = (gzip.open if ending.endswith("gz") else open)(file, "rb").read(4)
             check(f"{name}.{ending}: NIfTI-1", struct.unpack("<i", head)[0] == 348)
-        by = [readers.vti] if ending == "vti" else [by_sitk] + [by_nibabel] * ending.startswith("nii")
+        by = [vti] if ending == "vti" else [by_sitk] + [by_nibabel] * ending.startswith("nii")
         for read in by:
             case = f"{name}.{ending} {read.__name__}"
             values, affine = read(file)

@@ -15,8 +15,8 @@ import numpy as np
 import SimpleITK as sitk
 import tifffile
 
-import readers
 from checks import check, outcome
+from readers import vti
 
 IVD = pathlib.Path(sys.argv[1]).resolve()
 DATA = pathlib.Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -69,7 +69,7 @@ def by_pynrrd(path):
 
 def by_vtk(path):
     # VTK's world has no anatomy: its coordinates are LPS to the program, as they are to ITK.
-    return Volume(*readers.vti(path))
+    return Volume(*vti(path))
 
 
 def tiff_by_sitk(path):
