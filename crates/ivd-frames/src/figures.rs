@@ -10,6 +10,10 @@ use serde::Serialize;
 use crate::planes::value_at;
 use crate::{Compared, Made, Overlay, Pane};
 
+/// Sine of the angle to the line of sight from which on the way into a surface is seen aside (30°): nearer to it a drag along [`Axis::N`](crate::Axis::N) presses in by a way up,
+/// and pulls out by one down.
+pub const SEEN_ASIDE: f64 = 0.5;
+
 /// A handle or a pin, and where the panes show it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Spot {

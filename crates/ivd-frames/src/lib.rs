@@ -40,7 +40,7 @@ pub use ivd_session::{ClipPart, Entry};
 
 pub use compared::{Compared, Shows};
 pub use figures::{
-    Bone, Class, Clipped, Figures, Hovered, Incision, Matter, Missed, Refused, Ruler, Slice, Spot,
+    Bone, Class, Clipped, Figures, Hovered, Incision, Matter, Missed, Refused, Ruler, SEEN_ASIDE, Slice, Spot,
 };
 pub use log::Log;
 pub use made::Made;

@@ -9,10 +9,17 @@ use crate::{Error, Pane, Request};
 
 /// Step of a coarse picture's rays, in those of a whole one's.
 const COARSE_STEP: f64 = 2.0;
-/// Share of a ray's opacity before what a picture is said to show; ...
-pub(crate) const HALF: f32 = 0.5;
-/// ... and before where that begins: less may be noise before it.
+/// Share of a ray's opacity before where what is seen begins: less may be noise before it.
 const FRONT: f32 = 0.1;
+
+/// What of a picture is looked for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Depth {
+    /// What it is said to show.
+    Shown,
+    /// Where that begins: of a translucent body its skin.
+    Front,
+}
 
 /// How the panes look at a volume.
 pub(crate) struct Panes {
@@ -162,38 +169,46 @@ impl Panes {
         if self.planes.plane(pane).is_some() {
             return Ok(self.planes.look(pane, at, volume.grid()));
         }
-        Ok(self.look_at_all(&[at], HALF, volume, transfer, exec)?[0])
+        Ok(self.look_at_all(&[(at, Depth::Shown)], volume, transfer, exec)?[0])
     }
 
-    /// Where what the volume's pane shows at a share of it begins (mm, RAS): of a translucent body its skin.
-    pub(crate) fn front(
+    /// The same, and where that begins; in slices it begins where it is.
+    pub(crate) fn look_through(
         &self,
+        pane: Pane,
         at: [f64; 2],
         volume: &Volume,
         transfer: Option<&TransferFunction>,
         exec: &Exec,
-    ) -> Result<Option<[f64; 3]>, Error> {
-        Ok(self.look_at_all(&[at], FRONT, volume, transfer, exec)?[0])
+    ) -> Result<[Option<[f64; 3]>; 2], Error> {
+        if self.planes.plane(pane).is_some() {
+            return Ok([self.planes.look(pane, at, volume.grid()); 2]);
+        }
+        let both = [Depth::Shown, Depth::Front].map(|depth| (at, depth));
+        let seen = self.look_at_all(&both, volume, transfer, exec)?;
+        Ok([seen[0], seen[1]])
     }
 
     /// The places that the volume's pane shows at shares of it (mm, RAS).
-    ///
-    /// - `share`: of a ray's opacity, that lies before them.
     pub(crate) fn look_at_all(
         &self,
-        at: &[[f64; 2]],
-        share: f32,
+        at: &[([f64; 2], Depth)],
         volume: &Volume,
         transfer: Option<&TransferFunction>,
         exec: &Exec,
     ) -> Result<Vec<Option<[f64; 3]>>, Error> {
         let prepared = self.prepared(volume, transfer, self.size, false, exec)?;
-        let look = |at: &[f64; 2]| {
+        let look = |(at, depth): &([f64; 2], Depth)| {
             let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
             if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {
                 return Ok(None);
             }
-            Ok(prepared.pick_at(self.view, pixel.map(|c| c as usize), share)?.map(|pick| pick.place))
+            let pixel = pixel.map(|c| c as usize);
+            let pick = match depth {
+                Depth::Shown => prepared.pick(self.view, pixel)?,
+                Depth::Front => prepared.pick_at(self.view, pixel, FRONT)?,
+            };
+            Ok(pick.map(|pick| pick.place))
         };
         at.iter().map(look).collect()
     }

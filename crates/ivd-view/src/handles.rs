@@ -231,16 +231,15 @@ pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
     let side = if out > 0.0 { "out" } else { "in" };
     // What isn't along that way by more than is written is told with how much of it is.
     let whole = length(by);
-    let told = match (out.abs() >= SIDE * whole, whole - out.abs() < 0.05) {
-        (false, _) if way.is_empty() => format!("{whole:.1} mm"),
-        (false, _) => format!("{whole:.1} mm {way}"),
-        (true, true) if way.is_empty() => format!("{whole:.1} mm {side}"),
-        (true, true) => format!("{whole:.1} mm {side}, {way}"),
-        (true, false) if way.is_empty() => format!("{whole:.1} mm, of that {:.1} mm {side}", out.abs()),
-        (true, false) => format!("{whole:.1} mm {way}, of that {:.1} mm {side}", out.abs()),
+    let (first, part) = match (out.abs() >= SIDE * whole, whole - out.abs() < 0.05) {
+        (false, _) => ("", String::new()),
+        (true, true) => (side, String::new()),
+        (true, false) => ("", format!(", of that {:.1} mm {side}", out.abs())),
     };
+    let ways: Vec<&str> = [first, &way].into_iter().filter(|words| !words.is_empty()).collect();
+    let ways = if ways.is_empty() { String::new() } else { format!(" {}", ways.join(", ")) };
     let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
-    Some(told + &voxels)
+    Some(format!("{whole:.1} mm{ways}{part}{voxels}"))
 }
 
 /// How far voxels have gone (mm), where that is noticeably less than they were told to.

@@ -1,7 +1,7 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
-use ivd_frames::{Bone, Figures, Hovered, Overlay, Pane, Ruler, Shows, Spot, Tool};
+use ivd_frames::{Bone, Figures, Hovered, Overlay, Pane, Ruler, SEEN_ASIDE, Shows, Spot, Tool};
 
 use crate::handles::told;
 use crate::rulers::{degrees, mm};
@@ -22,8 +22,6 @@ const LETTERS: f32 = 13.0;
 /// Where letters stand along the edges (points).
 const EDGE: f32 = 24.0;
 
-/// The way into a surface is seen aside from this share of its length on (the sine of 30°): else a drag along N goes in by a way up.
-const SEEN_ASIDE: f32 = 0.5;
 /// A length keeps off its line by so much (points), ...
 const CLEAR: f32 = 6.0;
 /// ... above it where that rises by less than this share of its way, else to its right.
@@ -110,7 +108,7 @@ impl Over<'_> {
     fn inwards(&self, at: Pos2, one: &Spot, scale: f32) {
         let Some(end) = one.inwards[self.pane.number()].map(|end| self.place(end)) else { return };
         let way = end - at;
-        if way.length() > SEEN_ASIDE * 0.5 * one.radius as f32 * scale {
+        if way.length() > (SEEN_ASIDE * 0.5 * one.radius) as f32 * scale {
             let from = at + way.normalized() * 8.0;
             self.painter.arrow(from, end - from, Stroke::new(1.5, HANDLE.gamma_multiply(0.8)));
             self.write(end + way.normalized() * 9.0, Align2::CENTER_CENTER, "in", LETTERS, HANDLE);

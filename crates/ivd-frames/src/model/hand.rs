@@ -11,7 +11,7 @@ use crate::figures::{Hovered, Refused, Spot};
 use crate::panes::Across;
 use crate::planes::value_at;
 use crate::request::MOST_HANDLES;
-use crate::{Axis, Error, Pane};
+use crate::{Axis, Error, Pane, SEEN_ASIDE};
 
 /// A handle is taken hold of from so far away (shares of the pane).
 const NEAR: f64 = 0.025;
@@ -29,9 +29,7 @@ const AT_WORK: Duration = Duration::from_millis(200);
 const QUICK: Duration = Duration::from_secs(2);
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
-/// A surface that is seen this nearly from in front is pressed in by a way up, and pulled out by one down (squared sine of 30°); ...
-const FACING: f64 = 0.25;
-/// ... elsewhere it goes with the hand, and so many times as far at most.
+/// Elsewhere than where a surface is seen from in front it goes with the hand, and so many times as far at most.
 const LONGER: f64 = 2.0;
 
 impl Model {
@@ -42,7 +40,8 @@ impl Model {
 
     /// What lies under the pointer.
     pub(super) fn hover(&self, pane: Pane, at: [f64; 2]) -> Result<Option<Hovered>, Error> {
-        let Some(place) = self.look(pane, at)? else { return Ok(None) };
+        let [place, surface] = self.look_through(pane, at)?;
+        let Some(place) = place else { return Ok(None) };
         if self.compared.is_rest_at(at) {
             let volume = self.session.rest();
             let shares = self.panes.shares(volume.grid(), &self.lens, place);
@@ -50,7 +49,7 @@ impl Model {
             return Ok(Some(Hovered { class: self.class_at(place), ..hovered }));
         }
         let rest = self.rest_of(place);
-        let surface = self.look_at_surface(pane, at)?.unwrap_or(place);
+        let surface = surface.unwrap_or(place);
         let seen = self.side_seen(pane, surface);
         let vertex = sheet::pick(self.session.lattice(), self.rest_of(surface), seen);
         let now = vertex.map(|pick| self.now_at(&pick));
@@ -70,12 +69,9 @@ impl Model {
         }))
     }
 
-    /// The place on the surface that a pane shows (mm, RAS): in the volume where what is seen begins.
-    pub(super) fn look_at_surface(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
-        if pane != Pane::Volume {
-            return self.look(pane, at);
-        }
-        self.panes.front(at, self.seen(at), self.transfer.as_ref(), &self.exec)
+    /// The place that a pane shows, and that on its surface (mm, RAS): in the volume where what is seen begins.
+    pub(super) fn look_through(&self, pane: Pane, at: [f64; 2]) -> Result<[Option<[f64; 3]>; 2], Error> {
+        self.panes.look_through(pane, at, self.seen(at), self.transfer.as_ref(), &self.exec)
     }
 
     /// The handle that a pane shows at a place; before those that lie beside its slice, or behind what is seen, one that doesn't.
@@ -110,7 +106,7 @@ impl Model {
             (id, spot.map_or([0.0; 3], |spot| spot.now))
         } else {
             no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
-            let Some(place) = self.look_at_surface(pane, at)? else { return Err(nothing_there("grab")) };
+            let [_, Some(place)] = self.look_through(pane, at)? else { return Err(nothing_there("grab")) };
             let handle =
                 Handle { at: self.anchor(pane, place), action: Action::Move([0.0; 3]), radius: self.radius };
             self.session.begin("drag a new handle")?;
@@ -180,8 +176,9 @@ impl Model {
     pub(super) fn follow_hand(&mut self) -> Result<(), Error> {
         let Some(drag) = self.drag else { return Ok(()) };
         let began = Instant::now();
-        self.apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, MOST_DRAG)?;
-        self.drag = self.drag.map(|drag| Drag { late: self.is_late, ..drag });
+        let late =
+            self.apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, MOST_DRAG)?;
+        self.drag = self.drag.map(|drag| Drag { late, ..drag });
         self.try_closer(began + AT_WORK)
     }
 
@@ -232,14 +229,8 @@ impl Model {
 
     /// The surface that a pane shows at a place: in the volume a side that faces the eye; slices show either.
     fn side_seen(&self, pane: Pane, place: [f64; 3]) -> Option<sheet::Seen<'_>> {
-        (pane == Pane::Volume).then(|| sheet::Seen {
-            eye: self.lens.sight(place).into(),
-            moved: self
-                .session
-                .motion()
-                .and_then(|motion| motion.frames().last())
-                .map(|frame| &frame.displacement[..]),
-        })
+        (pane == Pane::Volume)
+            .then(|| sheet::Seen { eye: self.lens.sight(place).into(), moved: self.moved() })
     }
 
     /// What is put on what a pane shows at a place is anchored there.
@@ -276,7 +267,7 @@ fn of_patient(axis: Axis) -> Option<Vector3<f64>> {
 
 /// The way in or out of a surface that looks most like a way across a pane, not much longer than that; `None` where the pane shows the surface from in front.
 fn in_and_out(out: Vector3<f64>, way: Vector3<f64>, normal: Vector3<f64>) -> Option<Vector3<f64>> {
-    let along = along(out, way, normal, FACING)?;
+    let along = along(out, way, normal, SEEN_ASIDE * SEEN_ASIDE)?;
     Some(if along.norm() > LONGER * way.norm() {
         along * (LONGER * way.norm() / along.norm())
     } else {

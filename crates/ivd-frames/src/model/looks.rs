@@ -79,6 +79,17 @@ pub(super) fn coloured(
     Ok(turned.of(&looking))
 }
 
+/// What it is called where a class is to look otherwise.
+fn what_changes(before: &Class, hidden: bool, colour: Option<&str>) -> String {
+    let class = before.id;
+    match (hidden, colour) {
+        (true, _) if !before.hidden => format!("hide class {class}"),
+        (false, _) if before.hidden => format!("show class {class}"),
+        (_, Some(colour)) if colour != before.colour => format!("colour class {class}"),
+        _ => format!("opacity of class {class}"),
+    }
+}
+
 impl Model {
     /// The transfer function whose classes can be told apart, where the picture is made by one.
     fn by_class(&self) -> Option<&TransferFunction> {
@@ -96,34 +107,19 @@ impl Model {
                 self.view_and_window_otherwise("reset colours".to_owned(), Self::reset_colours)
             }
             Request::Class { class, hidden, opacity, colour } => {
-                if !self.classes().iter().any(|known| known.id == *class) {
-                    return Err(Error::Request {
-                        what: "class",
-                        problem: format!("class {class} isn't drawn here"),
-                        remedy: "name one that is told",
-                    });
-                }
-                let name = self.what_changes(*class, *hidden, colour.as_deref());
+                let known = self.classes().into_iter().find(|known| known.id == *class);
+                let before = known.ok_or_else(|| Error::Request {
+                    what: "class",
+                    problem: format!("class {class} isn't drawn here"),
+                    remedy: "name one that is told",
+                })?;
                 let colour = colour.as_deref();
+                let name = what_changes(&before, *hidden, colour);
                 self.view_otherwise((name, true), |model| {
                     model.look_otherwise(*class, *hidden, *opacity, colour)
                 })
             }
             _ => Ok(()),
-        }
-    }
-
-    /// What it is called where a class is to look otherwise.
-    fn what_changes(&self, class: u16, hidden: bool, colour: Option<&str>) -> String {
-        let before = self.classes().into_iter().find(|one| one.id == class);
-        match before {
-            Some(before) if before.hidden != hidden => {
-                format!("{} class {class}", if hidden { "hide" } else { "show" })
-            }
-            Some(before) if colour.is_some_and(|colour| colour != before.colour) => {
-                format!("colour class {class}")
-            }
-            _ => format!("opacity of class {class}"),
         }
     }
 

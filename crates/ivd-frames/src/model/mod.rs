@@ -68,8 +68,6 @@ pub struct Model {
     refused: Option<Refused>,
     /// How the lattice followed before it was to follow otherwise.
     other: Option<Physics>,
-    /// Whether what was tried last was given up as it took too long.
-    is_late: bool,
     /// What couldn't be done again when it was opened.
     missed: Vec<Missed>,
     /// By slice, whether it was clipped when its pane had a version.
@@ -158,7 +156,6 @@ impl Model {
             hovered: None,
             refused: None,
             other: None,
-            is_late: false,
             missed: Vec::new(),
             clipped: [(0, false); 3],
             along: None,
@@ -358,7 +355,9 @@ impl Model {
             Request::Pin { pane, at } => {
                 self.check_seen_now("pin", &[*at])?;
                 no_more_than(MOST_HANDLES, self.session.settings().fixed.len())?;
-                let Some(place) = self.look_at_surface(*pane, *at)? else { return Err(nothing_there("pin")) };
+                let [_, Some(place)] = self.look_through(*pane, *at)? else {
+                    return Err(nothing_there("pin"));
+                };
                 let at = self.anchor(*pane, place);
                 let pin = Pin { at, radius: 0.5 * self.radius };
                 self.apply(Event::Pin { id: None, pin })
@@ -425,23 +424,22 @@ impl Model {
 
     /// Applies an event. What can't be followed changes nothing, and the figures say why; only interruption is an error.
     fn apply(&mut self, event: Event) -> Result<(), Error> {
-        self.apply_within(event, MOST_WORK)
+        self.apply_within(event, MOST_WORK).map(|_| ())
     }
 
-    /// The same where it may take so long.
-    fn apply_within(&mut self, event: Event, most: Duration) -> Result<(), Error> {
+    /// The same where it may take so long; whether it was given up as it took longer.
+    fn apply_within(&mut self, event: Event, most: Duration) -> Result<bool, Error> {
         if self.adjusts && !self.session.in_gesture() {
             self.session.begin(event.name())?;
         }
         if let Err(error) = self.check_cut_after(&event) {
             self.refused = Some(self.refusal(error.to_string()));
-            return Ok(());
+            return Ok(false);
         }
-        self.is_late = false;
         let exec = self.within(most);
         let moves = is_move(&event);
         match self.session.apply(event, &exec) {
-            Ok(update) => self.show(&update),
+            Ok(update) => self.show(&update).map(|()| false),
             Err(error) => self.refuse(&error, &exec, (moves, most)),
         }
     }
@@ -451,7 +449,7 @@ impl Model {
         match gone {
             Ok(Some(update)) => self.show(&update),
             Ok(None) => Ok(()),
-            Err(error) => self.refuse(&error, exec, (false, MOST_WORK)),
+            Err(error) => self.refuse(&error, exec, (false, MOST_WORK)).map(|_| ()),
         }
     }
 

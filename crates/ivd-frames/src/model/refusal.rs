@@ -15,23 +15,23 @@ use crate::figures::Refused;
 const AHEAD: f64 = 0.2;
 
 impl Model {
-    /// Tells why something wasn't followed; `moves`: it says how far something goes; `most`: how long it might take.
+    /// Tells why something wasn't followed; `moves`: it says how far something goes; `most`: how long it might take. Gives whether it took longer.
     pub(super) fn refuse(
         &mut self,
         error: &ivd_session::Error,
         exec: &Exec,
         (moves, most): (bool, Duration),
-    ) -> Result<(), Error> {
+    ) -> Result<bool, Error> {
         if error.error_class() == ErrorClass::Cancelled {
             self.exec.check_cancelled()?;
             // What is held isn't tried to come closer, then.
             self.drag = self.drag.map(|drag| Drag { share: 0.0, ..drag });
             self.refused = Some(self.refusal("it was stopped".to_owned()));
-            return Ok(());
+            return Ok(false);
         }
         let is_nearest = matches!(self.session.settings().map, MapChoice::Octree(_));
-        self.is_late = exec.cancel.is_late();
-        self.refused = Some(if self.is_late {
+        let is_late = exec.cancel.is_late();
+        self.refused = Some(if is_late {
             let most = most.as_secs();
             let other = match &self.session.settings().physics {
                 Physics::Springs(_) => "let the surface follow distance alone",
@@ -49,7 +49,7 @@ impl Model {
         } else {
             self.refusal(error.to_string())
         });
-        Ok(())
+        Ok(is_late)
     }
 
     /// A refusal for a reason.

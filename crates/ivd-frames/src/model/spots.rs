@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use super::Model;
 use super::cut_off::cut_off;
 use crate::figures::Spot;
-use crate::panes::HALF;
+use crate::panes::Depth;
 use crate::planes::BESIDE;
 use crate::{Error, Pane, Shows};
 
@@ -91,8 +91,12 @@ impl Model {
 
     /// How far a vertex has moved (mm).
     pub(super) fn gone_by(&self, vertex: usize) -> Vector3<f64> {
-        let moved = self.session.motion().and_then(|motion| motion.frames().last());
-        moved.map_or_else(Vector3::zeros, |frame| Vector3::from(frame.displacement[vertex]))
+        self.moved().map_or_else(Vector3::zeros, |moved| Vector3::from(moved[vertex]))
+    }
+
+    /// How far each vertex has moved (mm), where any has.
+    pub(super) fn moved(&self) -> Option<&[[f64; 3]]> {
+        Some(&self.session.motion()?.frames().last()?.displacement)
     }
 
     /// Finds where the panes show them.
@@ -142,9 +146,9 @@ impl Model {
             let here = spots().enumerate().filter_map(|(n, spot)| Some((n, spot, spot.at[0]?)));
             let here: Vec<_> = here.filter(|(.., at)| self.compared.is_rest_at(*at) == half).collect();
             let Some((.., first)) = here.first() else { continue };
-            let shares: Vec<[f64; 2]> = here.iter().map(|(.., at)| *at).collect();
+            let shares: Vec<_> = here.iter().map(|(.., at)| (*at, Depth::Shown)).collect();
             let volume = self.seen(*first);
-            let seen = self.panes.look_at_all(&shares, HALF, volume, self.transfer.as_ref(), &self.exec);
+            let seen = self.panes.look_at_all(&shares, volume, self.transfer.as_ref(), &self.exec);
             // What can't be told is shown, and asked again.
             is_known &= seen.is_ok();
             for ((n, spot, _), seen) in here.iter().zip(seen.unwrap_or_default()) {
