@@ -11,8 +11,14 @@ use nalgebra::Vector3;
 
 /// The name of a rate: a stage with its variant, or `write` with the key of an output.
 pub fn rate_name(stage: &str, variant: &str) -> String {
-    // Pictures are alike.
-    let variant = if variant.starts_with("image ") { "image" } else { variant };
+    // Pictures are alike, and so is all that goes along with a displacement.
+    let goes_along =
+        || list::place(&format!("{stage} {variant}")).is_some_and(|(_, place)| place.for_outputs);
+    let variant = match variant {
+        picture if picture.starts_with("image ") => "image",
+        _ if goes_along() => "",
+        other => other,
+    };
     format!("{stage} {variant}").trim().to_owned()
 }
 

@@ -14,6 +14,7 @@ mod first_hour;
 mod hands;
 mod hostile;
 mod killed;
+mod labelled;
 mod lattice;
 mod neck;
 mod onto;

@@ -137,7 +137,7 @@ impl Labels {
         self.classes.iter_mut().for_each(|class| class.voxels = voxels(class.id));
     }
 
-    /// The classes, in the order of their means.
+    /// The classes: those that were found in the order of their means, those of another program in that of their ids.
     pub fn classes(&self) -> &[Class] {
         &self.classes
     }

@@ -1,6 +1,8 @@
 //! Classes of a labelling that isn't one of intervals: their figures, and ids in the order of their means.
 
-use ivd_core::{Buffer, Class, Error, Exec, NO_DATA, Scalar, SpillVec, Volume, parallel, with_voxels};
+use ivd_core::{
+    Buffer, Class, Error, Exec, Labels, NO_DATA, Scalar, SpillVec, Volume, parallel, with_voxels,
+};
 
 use crate::moments::{Frame, Moments};
 
@@ -56,6 +58,27 @@ pub(crate) fn by_mean(
     Ok(Described { ids: ids.into_buffer(), classes, order })
 }
 
+/// The labels with what a volume holds at the voxels of each class: the mean and the spread of those that have a value. A class of which none
+/// has one keeps what was said of it, and so does where classes meet.
+///
+/// # Errors
+/// A volume on another grid; cancelled.
+pub fn measured(labels: &Labels, volume: &Volume, exec: &Exec) -> Result<Labels, Error> {
+    labels.grid().require(volume.grid(), "labels", "volume")?;
+    let frame = Frame::of(volume);
+    let groups = labels.ids().iter().max().map_or(0, |id| usize::from(*id));
+    let moments = with_voxels!(volume.voxels(), slice => moments(slice, labels.ids(), groups, &frame, exec))?;
+    let mut classes = labels.classes().to_vec();
+    for class in &mut classes {
+        let of_class = usize::from(class.id).checked_sub(1).and_then(|group| moments.get(group));
+        if let Some(found) = of_class.filter(|found| found.count > 0) {
+            class.mean = volume.real(found.mean(&frame)).clamp(f64::MIN, f64::MAX);
+            class.sd = (found.sd(&frame) * volume.slope().abs()).min(f64::MAX);
+        }
+    }
+    Labels::new(labels.grid().clone(), labels.buffer().clone(), classes)
+}
+
 /// Sets where neighbouring classes meet in intensity: the value between their means at which both are as likely, taking their
 /// values for normally distributed; the midpoint of the means where there is none.
 pub(crate) fn set_crossings(classes: &mut [Class]) {
@@ -101,7 +124,7 @@ fn moments<T: Scalar>(
         exec.check_cancelled()?;
         let mut parts = vec![Moments::default(); groups];
         for (v, &id) in voxels[piece.clone()].iter().zip(&ids[piece]) {
-            if id != NO_DATA {
+            if id != NO_DATA && v.is_data() {
                 parts[usize::from(id) - 1].add(*v, frame);
             }
         }
@@ -140,6 +163,20 @@ mod tests {
         // Without a spread above, the midpoint; the classes share their crossing.
         assert_eq!((found.classes[1].upper, found.classes[2].lower), (Some(115.0), Some(115.0)));
         assert_eq!((found.classes[0].lower, found.classes[2].upper), (None, None));
+    }
+
+    #[test]
+    fn classes_of_another_program_are_measured_where_there_are_values() {
+        let grid = Grid::with_spacing([6, 1, 1], [1.0; 3]).unwrap();
+        let of = |values: Vec<f32>| Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+        let labels = Labels::from_volume(&of(vec![7.0, 7.0, 7.0, 0.0, 2.0, 4.0])).unwrap();
+        let scan = of(vec![10.0, 30.0, f32::NAN, 99.0, f32::NAN, -5.0]);
+        let found = measured(&labels, &scan, &Exec::default()).unwrap();
+        let told: Vec<_> = found.classes().iter().map(|c| (c.id, c.mean, c.sd, c.voxels)).collect();
+        assert_eq!(told, [(2, 2.0, 0.0, 1), (4, -5.0, 0.0, 1), (7, 20.0, 10.0, 3)]);
+        assert_eq!(found.ids(), labels.ids());
+        let other = Volume::new(Grid::with_spacing([6, 1, 1], [2.0; 3]).unwrap(), scan.voxels().clone());
+        assert!(measured(&labels, &other.unwrap(), &Exec::default()).is_err());
     }
 
     #[test]

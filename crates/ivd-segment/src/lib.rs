@@ -51,6 +51,7 @@ mod threshold;
 mod tidy;
 mod wide;
 
+pub use classes::measured;
 pub use emvs::{BiasField, BicPoint, Covariance, Emvs, EmvsParams, Mixture, emvs, emvs_with_posteriors};
 pub use figures::{
     AnyFigures, ClassFigures, CommonFigures, CutFigures, Figures, MixtureFigures, MixturePoint, ModesFigures,

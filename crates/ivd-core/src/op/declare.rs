@@ -102,6 +102,8 @@ pub struct Place {
     /// Whether it has nothing to do where no other place of the scene reads its value; a value that an output may be made from stays
     /// something to do.
     pub for_readers: bool,
+    /// Whether it has nothing to do where no output is named by what it gives; a scene that doesn't ask for it doesn't tell of it.
+    pub for_outputs: bool,
     /// Why it isn't needed where no other reads its value.
     pub unread: &'static str,
     /// What its time grows with.
@@ -199,6 +201,7 @@ impl Place {
             is_first: false,
             if_made: &[],
             for_readers: false,
+            for_outputs: false,
             unread: "no output needs it",
             amount: Amount::Voxels,
         }

@@ -14,10 +14,19 @@ pub const STAGE: Stage = Stage {
     selector: "",
     methods: METHODS,
     positional: &["volume", "displacement"],
-    places: &[Place::only("deformed")],
+    places: &[
+        Place::only("deformed"),
+        Place { variant: "labels", ..carried(&[("volume", "labels")], "labels_deformed") },
+        Place { variant: "mask", ..carried(&[("volume", "mask")], "mask_deformed") },
+    ],
     quiet: false,
     memory: Memory { voxel: 12, reached: 0, triangle: 0 },
 };
+/// What a displacement does to a value that goes along with the volume, where an output asks for it.
+const fn carried(from: &'static [(&'static str, &'static str)], gives: &'static str) -> Place {
+    Place { from, for_outputs: true, ..Place::only(gives) }
+}
+
 const METHODS: &[Method] = &[method::<WarpParams>("")];
 
 slots! {

@@ -1,4 +1,4 @@
-//! The files that a scene's places read: its input, a start that was drawn, and what its volume meets.
+//! The files that a scene's places read: its input, a start that was drawn, labels, and what its volume meets.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use ivd_core::op::{Method, Place};
 use ivd_io::volume::{RawLayout, ReadOptions};
 
 use crate::scene::{InputSection, Loaded};
-use crate::stages::{Import, ImportDrawn, ImportOperand, ImportSource};
+use crate::stages::{Import, ImportDrawn, ImportLabelsOf, ImportOperand, ImportSource};
 use crate::{Error, Section};
 
 /// The import of the volume.
@@ -42,6 +42,15 @@ pub(super) fn import(loaded: &Loaded, input: Option<&Path>) -> Result<Import, Er
 /// The start that a scene has drawn.
 pub(super) fn drawn(loaded: &Loaded) -> Option<ImportDrawn> {
     loaded.scene.input.start.as_ref().map(|file| ImportDrawn { path: loaded.folder.join(file) })
+}
+
+/// The labels that a scene has from a file.
+///
+/// # Errors
+/// An artefact of another kind.
+pub(super) fn labelled(loaded: &Loaded) -> Result<Option<ImportLabelsOf>, Error> {
+    let file = loaded.scene.input.labels.as_ref();
+    file.map(|file| ImportLabelsOf::new(loaded.folder.join(file))).transpose()
 }
 
 fn read_options(section: &InputSection) -> ReadOptions {

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use ivd_core::op::{self, Place, PlaceKind, Want};
 
-use super::files::{Named, drawn, import, met, named};
+use super::files::{Named, drawn, import, labelled, met, named};
 use crate::list::STAGES;
 use crate::scene::{Loaded, Picture, Scene};
 use crate::stages::IMPORT;
@@ -24,6 +24,9 @@ impl NodeId {
     /// That of a drawn start.
     pub const START: Self = Self { stage: IMPORT, variant: "start" };
 
+    /// That of labels from a file.
+    pub const LABELS: Self = Self { stage: IMPORT, variant: "labels" };
+
     /// The place that a stage of the list is named by.
     pub const fn of(stage: &op::Stage) -> Self {
         Self { stage: stage.name, variant: "" }
@@ -39,6 +42,8 @@ impl NodeId {
 const VOLUME: Place = Place::only("volume");
 /// What the import of a drawn start gives.
 const DRAWN: Place = Place::only(NodeId::START.variant);
+/// What the import of labels gives.
+const LABELS: Place = Place::only(NodeId::LABELS.variant);
 /// Nobody asks for what a place gives.
 const UNASKED: &str = VOLUME.unread;
 /// What becomes of the volume, from the last of what may be made of it.
@@ -428,6 +433,11 @@ fn wire(loaded: &Loaded, input: Option<&Path>) -> Result<Vec<PlanNode>, Error> {
         drawn(loaded)
             .map(|drawn| PlanNode { stage: Some(Box::new(drawn)), ..PlanNode::new(NodeId::START, DRAWN) }),
     );
+    nodes.extend(labelled(loaded)?.map(|labels| PlanNode {
+        stage: Some(Box::new(labels)),
+        inputs: vec![("volume", NodeId::IMPORT)],
+        ..PlanNode::new(NodeId::LABELS, LABELS)
+    }));
     let places = || STAGES.iter().flat_map(|stage| stage.places.iter().map(move |place| (*stage, place)));
     let first = places().filter(|(_, place)| place.is_first);
     for (stage, place) in first.chain(places().filter(|(_, place)| !place.is_first)) {
@@ -458,10 +468,23 @@ fn is_asked(section: &Section, place: &Place) -> bool {
     })
 }
 
+/// Why a place has nothing to do, whatever its section says: what it would give comes from a file, or no output asks for it.
+fn unasked(scene: &Scene, stage: &op::Stage, place: &Place) -> Option<Idle> {
+    let is_asked = || scene.output.files().iter().any(|(key, _)| *key == place.gives);
+    if stage.name == ivd_segment::STAGE.name && scene.input.labels.is_some() {
+        return Some(Idle::Asked("input.labels gives the labels"));
+    }
+    (place.for_outputs && !is_asked()).then_some(Idle::Unread)
+}
+
 /// A place after those before it.
 fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earlier: &[PlanNode]) -> PlanNode {
     let id = NodeId { stage: stage.name, variant: place.variant };
     let mut node = PlanNode { is_quiet: stage.quiet, ..PlanNode::new(id, *place) };
+    if let Some(idle) = unasked(scene, stage, place) {
+        (node.idle, node.is_quiet) = (Some(idle), node.is_quiet || place.for_outputs);
+        return node;
+    }
     let is_written = |id: NodeId| {
         scene.sections().iter().any(|section| section.stage().name == id.stage && section.written().is_some())
     };

@@ -126,10 +126,10 @@ impl Scene {
     /// Names another file as the input, and none beside it.
     pub fn set_input(&mut self, file: &Path) {
         let file_alone = InputSection { file: Some(file.to_owned()), phantom: None, ..self.input.clone() };
-        self.input = InputSection { grid_of: None, start: None, series: None, ..file_alone };
+        self.input = InputSection { grid_of: None, start: None, labels: None, series: None, ..file_alone };
         let input = self.written.entry("input".to_owned()).or_insert_with(|| Json::Object(Map::new()));
         if let Json::Object(input) = input {
-            for other in ["phantom", "grid_of", "start", "series"] {
+            for other in ["phantom", "grid_of", "start", "labels", "series"] {
                 input.remove(other);
             }
             input.insert("file".to_owned(), file.to_string_lossy().into());
@@ -200,10 +200,13 @@ impl Scene {
         }
         self.check_grid_of()?;
         self.check_start()?;
+        self.check_labels()?;
         self.check_parts()?;
         let (deforms, result, input) = (self.deforms(), self.has_result(), self.clips_input());
         let moved = [
             ("output.volume", self.output.volume.is_some() && !result && !input),
+            ("output.labels_deformed", self.output.labels_deformed.is_some()),
+            ("output.mask_deformed", self.output.mask_deformed.is_some()),
             ("output.displacement", self.output.displacement.is_some()),
             ("output.images \"moved\"", self.output.images.contains(&Picture::Moved)),
             (
@@ -359,6 +362,18 @@ impl Scene {
             .collect();
         let readers = readers.join(" or ");
         Err(format!("input.start: nothing reads it; leave it out, or choose boundary.method = {readers}"))
+    }
+
+    /// Labels of a file lie beside the scene, and none are looked for.
+    fn check_labels(&self) -> Result<(), String> {
+        let Some(labels) = &self.input.labels else { return Ok(()) };
+        check_beside("input.labels", labels)?;
+        if self.section(&ivd_segment::STAGE).is_some_and(|section| section.written().is_some()) {
+            return Err(
+                "input.labels gives the labels that [segment] would find; give one of them".to_owned()
+            );
+        }
+        Ok(())
     }
 
     /// What it asks the lattice to do.

@@ -68,7 +68,7 @@ impl PutOntoFigures {
     }
 
     /// What a person should know: that some of it had no counterpart on the other side.
-    fn remark(&self) -> Option<String> {
+    pub(super) fn remark(&self) -> Option<String> {
         let mut told = Vec::new();
         if self.voxels_without_source > 0 {
             let all: usize = self.dims.iter().product();
@@ -100,7 +100,7 @@ impl Stage for PutOnto {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 1,
+            revision: 2,
             inputs: Given::SLOTS,
             output: None,
             figures: schema_of::<PutOntoFigures>,
@@ -124,11 +124,8 @@ impl Stage for PutOnto {
                 Err(Error::usage(IMPORT, "what is put onto another grid is labels or a mask, not a volume"))
             }
             Voxelwise::Labels(labels) => {
-                let put = onto::labels(labels, grid, exec).map_err(Error::in_stage(IMPORT))?;
-                let filled = exec.run(|| put.output.ids().iter().filter(|id| **id != 0).count());
-                let figures = PutOntoFigures::of(&put, grid, filled as u64).some("labels")?;
-                let figures = PutOntoFigures { classes_lost: lost(labels, &put.output), ..figures };
-                Ok(StageOutput::new(put.output, &figures))
+                let (labels, figures) = labels_on(labels, like, exec)?;
+                Ok(StageOutput::new(labels, &figures))
             }
             Voxelwise::Mask(mask) => {
                 let put = onto::mask(mask, grid, exec).map_err(Error::in_stage(IMPORT))?;
@@ -137,6 +134,24 @@ impl Stage for PutOnto {
             }
         }
     }
+}
+
+/// Labels on another grid, and what they come to there. On a volume's what is told of their classes is what it holds there.
+pub(super) fn labels_on(
+    labels: &Labels,
+    like: Voxelwise<'_>,
+    exec: &Exec,
+) -> Result<(Labels, PutOntoFigures), Error> {
+    let grid = like.grid();
+    let put = onto::labels(labels, grid, exec).map_err(Error::in_stage(IMPORT))?;
+    let filled = exec.run(|| put.output.ids().iter().filter(|id| **id != 0).count());
+    let figures = PutOntoFigures::of(&put, grid, filled as u64).some("labels")?;
+    let figures = PutOntoFigures { classes_lost: lost(labels, &put.output), ..figures };
+    let labels = match like {
+        Voxelwise::Volume(volume) => exec.run(|| ivd_segment::measured(&put.output, volume, exec))?,
+        Voxelwise::Labels(_) | Voxelwise::Mask(_) => put.output,
+    };
+    Ok((labels, figures))
 }
 
 /// Classes that have voxels before and none after.

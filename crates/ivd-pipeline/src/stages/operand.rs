@@ -39,7 +39,7 @@ impl ImportOperand {
         Ok(Self { path, kind })
     }
 
-    fn value(&self, exec: &Exec) -> Result<Artefact, Error> {
+    pub(super) fn value(&self, exec: &Exec) -> Result<Artefact, Error> {
         if ivd_artefact::is_artefact(&self.path) {
             return Ok(ivd_artefact::read(&self.path).map_err(Error::in_stage(IMPORT))?.artefact);
         }

@@ -19,6 +19,10 @@ pub struct InputSection {
     /// Relative to the scene's folder.
     #[serde(default)]
     pub start: Option<PathBuf>,
+    /// Labels that another program made of this scan: those of an artefact, or the whole numbers of a volume file, put onto the scan's voxels by
+    /// where they lie. They stand in for those that a segmentation would find; 0 is no part. Relative to the scene's folder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels: Option<PathBuf>,
     /// Frame of a 4-D file, from 0.
     #[serde(default)]
     pub frame: Option<usize>,

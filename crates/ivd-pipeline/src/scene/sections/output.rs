@@ -85,10 +85,14 @@ pub struct OutputSection {
     pub space: Option<MeshSpace>,
     /// The displacement field from deformed to rest space, as a vector image.
     pub displacement: Option<PathBuf>,
-    /// The labels, at rest: `ivd warp` moves labels through a displacement.
+    /// The labels, at rest.
     pub labels: Option<PathBuf>,
+    /// The labels as the scan is deformed: they go along with it, each voxel with the nearest one's.
+    pub labels_deformed: Option<PathBuf>,
     /// The isolated part, at rest.
     pub mask: Option<PathBuf>,
+    /// The isolated part as the scan is deformed.
+    pub mask_deformed: Option<PathBuf>,
     /// The report, `report.html`, with its pictures.
     pub report: bool,
 }
@@ -102,7 +106,9 @@ impl OutputSection {
             ("volume", &self.volume, "voxels are", &VOLUME_ENDINGS[..]),
             (VOLUME_SERIES, &self.volume_series, "voxels are", &VOLUME_ENDINGS),
             ("labels", &self.labels, "voxels are", &VOLUME_ENDINGS),
+            ("labels_deformed", &self.labels_deformed, "voxels are", &VOLUME_ENDINGS),
             ("mask", &self.mask, "voxels are", &VOLUME_ENDINGS),
+            ("mask_deformed", &self.mask_deformed, "voxels are", &VOLUME_ENDINGS),
             ("displacement", &self.displacement, "a displacement field is", &FIELD_ENDINGS),
             ("lattice", &self.lattice, "a lattice is", &meshes),
             ("lattice_extracted", &self.lattice_extracted, "a lattice is", &meshes),
@@ -130,7 +136,9 @@ impl OutputSection {
             ("picture_series", &self.picture_series),
             ("displacement", &self.displacement),
             ("labels", &self.labels),
+            ("labels_deformed", &self.labels_deformed),
             ("mask", &self.mask),
+            ("mask_deformed", &self.mask_deformed),
         ]
         .into_iter()
         .filter_map(|(key, path)| path.as_deref().map(|p| (key, p)))

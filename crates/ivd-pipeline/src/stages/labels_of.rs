@@ -1,0 +1,68 @@
+use std::path::PathBuf;
+
+use ivd_artefact::Kind;
+use ivd_core::op::{Slots as _, Voxelwise, schema_of};
+use ivd_core::{Exec, Labels, Value as _, Volume, slots};
+use serde_json::{Value, json};
+
+use super::onto::labels_on;
+use super::{IMPORT, ImportOperand, PutOntoFigures};
+use crate::{Error, Facts, Inputs, Metrics, Stage, StageOutput};
+
+/// Reads labels that another program made of a scene's volume, and puts them onto its grid by where they lie. What is told of their classes is
+/// what the volume holds there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ImportLabelsOf {
+    file: ImportOperand,
+}
+
+slots! {
+    /// Whose labels they are.
+    struct Given<'a> { volume: &'a Volume }
+}
+
+impl ImportLabelsOf {
+    /// The labels of a file: those of an artefact, or the whole numbers of a volume file of any format.
+    ///
+    /// # Errors
+    /// An artefact that can't be read, or of another kind.
+    pub fn new(path: PathBuf) -> Result<Self, Error> {
+        Ok(Self { file: ImportOperand::new(path, &[Kind::Labels])? })
+    }
+}
+
+impl Stage for ImportLabelsOf {
+    fn facts(&self) -> Facts {
+        Facts {
+            name: IMPORT,
+            revision: 1,
+            inputs: Given::SLOTS,
+            output: Some(Kind::Labels),
+            figures: schema_of::<PutOntoFigures>,
+        }
+    }
+
+    fn params(&self) -> Value {
+        json!({ "labels": true })
+    }
+
+    fn sources(&self) -> Result<Vec<PathBuf>, Error> {
+        self.file.sources()
+    }
+
+    fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
+        let read = serde_json::from_value::<PutOntoFigures>(Value::Object(figures.figures.clone()));
+        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.remark())
+    }
+
+    fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
+        let Given { volume } = inputs.take(self.name())?;
+        let given = self.file.value(exec)?;
+        let kind = given.kind().name();
+        let labels = Labels::of(&given).ok_or_else(|| {
+            Error::usage(IMPORT, format!("input.labels became a {kind} artefact; give labels"))
+        })?;
+        let (labels, figures) = labels_on(labels, Voxelwise::Volume(volume), exec)?;
+        Ok(StageOutput::new(labels, &figures))
+    }
+}
