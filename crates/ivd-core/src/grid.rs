@@ -324,16 +324,16 @@ impl Grid {
         Some(format!("the volume spans {} mm{meant}", spans.join(", ")))
     }
 
-    /// Voxels along a cell's edges: at most four, powers of two, about as long (mm) along every axis.
+    /// Voxels along a cell's edges: at most eight, powers of two, about as long (mm) along every axis.
     ///
-    /// - `edge`: along the shortest voxels; without it four, and fewer where a ball of radius `least` (mm) would have less than a dozen cells
-    ///   across.
+    /// - `edge`: along the shortest voxels; without it four, more where voxels are longer than that along another axis, since cells that are
+    ///   finer one way than they can be the other cost much and tell nothing; and fewer where a ball of radius `least` (mm) would have less
+    ///   than a dozen cells across.
     pub fn cell_steps(&self, edge: Option<u8>, least: f64) -> [usize; 3] {
-        let spacing = self.spacing();
         let shortest = self.shortest_edge();
-        let length =
-            edge.map_or_else(|| (4.0 * shortest).min(least / 6.0), |edge| f64::from(edge) * shortest);
-        spacing.map(|h| [4, 2].into_iter().find(|s| *s as f64 * h <= 1.001 * length).unwrap_or(1))
+        let usual = || (4.0 * shortest).max(self.longest_edge()).min(least / 6.0);
+        let length = edge.map_or_else(usual, |edge| f64::from(edge) * shortest);
+        self.spacing().map(|h| [8, 4, 2].into_iter().find(|s| *s as f64 * h <= 1.001 * length).unwrap_or(1))
     }
 
     /// Length of a voxel's diagonal (mm) (the longest one, where the grid is sheared).
@@ -389,6 +389,22 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn cells_are_about_as_long_along_every_axis() {
+        let steps = |spacing: [f64; 3], edge, least| {
+            Grid::with_spacing([64; 3], spacing).unwrap().cell_steps(edge, least)
+        };
+        assert_eq!(steps([1.0; 3], None, 100.0), [4; 3]);
+        assert_eq!(steps([1.0; 3], None, 12.0), [2; 3]);
+        assert_eq!(steps([1.0; 3], Some(4), 12.0), [4; 3]);
+        assert_eq!(steps([0.5, 0.5, 2.0], None, 100.0), [4, 4, 1]);
+        assert_eq!(steps([0.5, 0.5, 1.0], None, 100.0), [4, 4, 2]);
+        // Slices far apart: cells as long as these, unless a ball is small.
+        assert_eq!(steps([0.43, 0.43, 6.5], None, 100.0), [8, 8, 1]);
+        assert_eq!(steps([0.43, 0.43, 6.5], None, 12.0), [4, 4, 1]);
+        assert_eq!(steps([0.43, 0.43, 6.5], Some(4), 100.0), [4, 4, 1]);
+    }
 
     #[test]
     fn what_is_known_of_the_patient_is_written_only_where_it_is_not_the_rule() {

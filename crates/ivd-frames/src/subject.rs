@@ -30,7 +30,8 @@ use crate::{Error, Made, Tell};
 const MANY_VERTICES: usize = 40_000;
 /// Longest edge of a bare scan's lattice, as a share of a handle's usual reach.
 const EDGE: f64 = 0.25;
-/// Edges at a level are about as long as a voxel's are at that level; no less than this many of those.
+/// Edges at a level are about as long as a voxel's are at that level, and a voxel's longest aren't done away with; no less than this many of
+/// those.
 const VOXELS: f64 = 1.25;
 /// What the scene of a bare scan says beside its input.
 const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
@@ -286,8 +287,8 @@ fn missing(what: &'static str) -> Error {
 
 /// Longest edge (mm) of a bare scan's lattice at a level: such that a handle finds a vertex near, and no shorter than edges are at that level.
 fn longest_edge(grid: &Grid, level: u64) -> f64 {
-    let spacing = grid.spacing().into_iter().fold(0.0, f64::max);
-    (EDGE * usual_radius(grid)).max(VOXELS * spacing * 2.0_f64.powi(level.min(60) as i32))
+    let usual = grid.voxel_volume().cbrt() * 2.0_f64.powi(level.min(60) as i32);
+    (EDGE * usual_radius(grid)).max(VOXELS * usual.max(grid.longest_edge()))
 }
 
 /// A positive number with two digits that count.
@@ -307,6 +308,9 @@ fn check(scene: &Scene) -> Result<(), Error> {
         if written(stage).is_some_and(|keys| !keys.is_empty()) {
             return Err(none(format!("[{}]", stage.name)));
         }
+    }
+    if scene.input.labels.is_some() {
+        return Err(none("input.labels"));
     }
     let refine = &ivd_lattice::refine::STAGE;
     let keys = written(refine).into_iter().flatten();
