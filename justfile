@@ -26,7 +26,7 @@ slowest *args="":
 stress:
     IVD_STRESS_EVERY=1 IVD_STRESS_RUNS=${IVD_STRESS_RUNS:-20} IVD_STRESS_SCENES=${IVD_STRESS_SCENES:-100000} IVD_STRESS_MATRIX=${IVD_STRESS_MATRIX:-8} IVD_STRESS_SPACES=${IVD_STRESS_SPACES:-20000} cargo test --release -p ivd-tests --test integration stability -- --nocapture --test-threads=1
     IVD_STRESS_EVERY=1 cargo test --release -p ivd-lattice -p ivd-session -p ivd-frames --test integration
-    IVD_STRESS_EVERY=1 cargo test --release -p ivd-cli --test integration hostile
+    IVD_STRESS_EVERY=1 cargo test --release -p ivd-cli --test integration -- hostile faults hands
     cargo test --release -p ivd-segment -p ivd-boundary -- --ignored --nocapture
     cargo test --release -p ivd-field -p ivd-motion -p ivd-map -- --ignored --nocapture
     IVD_STRESS_EVERY=1 cargo test --release -p ivd-gpu --test integration -- --include-ignored --nocapture

@@ -5,7 +5,7 @@ use crate::params::ValueScale;
 use crate::reduced::Reduced;
 use crate::statistics::ClassStatistics;
 use crate::structure::Structure;
-use ivd_core::{Modality, NO_DATA};
+use ivd_core::{Modality, NO_DATA, Volume};
 
 pub(crate) use ivd_core::ClassRole as Role;
 
@@ -24,6 +24,21 @@ pub(crate) const AIR: f64 = -900.0;
 /// scanners write. Magnetic resonance has no negative values.
 fn looks_like_hounsfield([low, high]: [f64; 2]) -> bool {
     (-5000.0..=AIR).contains(&low) && (100.0..=70_000.0).contains(&high)
+}
+
+/// Whether a volume's values are taken as Hounsfield units; `values`: what is said of them.
+pub fn is_computed_tomography(volume: &Volume, values: ValueScale) -> bool {
+    volume.range().is_some_and(|range| are_hounsfield(values, volume.modality(), range))
+}
+
+/// Hounsfield values up to which something is for the most part what it is called. Fat lies about −100, water at 0, muscle and organs up to 80, and up
+/// to 130 with some contrast medium; what lies between gas and fat is both in part.
+const MATTER: [(f64, &str); 5] =
+    [(AIR, "air"), (HALF_GAS, "lung or gas"), (-150.0, "partly gas"), (-30.0, "fat"), (130.0, "soft tissue")];
+
+/// What matter of a Hounsfield value is for the most part.
+pub fn matter_of_hounsfield(value: f64) -> &'static str {
+    MATTER.iter().find(|(most, _)| value <= *most).map_or("bone or contrast medium", |(_, matter)| matter)
 }
 
 /// Whether values are taken as Hounsfield units.
@@ -157,6 +172,18 @@ mod tests {
 
     fn class(mean: f64, voxels: u64, on_sides: u64) -> ClassStatistics {
         ClassStatistics { id: 1, voxels, mean, sd: 1.0, border_strength: 1.0, on_sides }
+    }
+
+    #[test]
+    fn matter_is_named_by_its_hounsfield_value() {
+        for (most, matter) in MATTER {
+            assert_eq!(matter_of_hounsfield(most), matter);
+            assert_ne!(matter_of_hounsfield(most + 0.1), matter);
+        }
+        assert_eq!(
+            [-1000.0, -100.0, 0.0, 700.0].map(matter_of_hounsfield),
+            ["air", "fat", "soft tissue", "bone or contrast medium"]
+        );
     }
 
     #[test]

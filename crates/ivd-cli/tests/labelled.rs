@@ -63,6 +63,8 @@ fn labels_of_a_file_stand_in_for_a_segmentation_and_go_along_with_the_scan() {
     }
     json(at, &["export", "organs.ivd", "-o", "w.nrrd"]);
     assert!(bytes("w.nrrd") == bytes("out/rest.nrrd") && bytes("out/l.nrrd") != bytes("out/rest.nrrd"));
+    let (code, told) = refused(at, &["pipeline", "scene.toml", "--out", "out", "--until", "segment"]);
+    assert!(code == 2 && told.contains("input.labels gives the labels"), "{told}");
     // Nothing that goes along is told of where no output asks for it, and nothing is done again.
     write(at, &format!("{SCENE}[output]\nlabels_deformed = \"l.nrrd\"\n"));
     let told = run(at);
@@ -75,18 +77,15 @@ fn the_densest_of_labels_is_that_of_the_highest_values_in_the_scan() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     begin(at);
-    write(at, &format!("{}[output]\nmask = \"m.nrrd\"\n", SCENE.replace("class = 3", "class = \"densest\"")));
+    // White matter, the brightest, has the lowest number.
+    json(at, &["export", "t.ivd", "-o", "t.raw"]);
+    let ids = std::fs::read(at.join("t.raw")).unwrap().into_iter().map(|id| (6 - id) % 6);
+    std::fs::write(at.join("turned.nrrd"), labels(32, 0, &ids.collect::<Vec<_>>())).unwrap();
+    let scene = SCENE.replace("class = 3", "class = \"densest\"").replace("organs.nii.gz", "turned.nrrd");
+    write(at, &format!("{scene}[output]\nmask = \"m.nrrd\"\n"));
     let told = run(at);
     let boundary = told["stages"].as_array().unwrap().iter().find(|record| record["stage"] == "boundary");
-    let classes = json(at, &["info", "t.ivd"])["content"]["classes"].as_array().unwrap().clone();
-    let densest =
-        classes.iter().max_by(|a, b| a["mean"].as_f64().unwrap().total_cmp(&b["mean"].as_f64().unwrap()));
-    assert_eq!(boundary.unwrap()["metrics"]["class"], densest.unwrap()["id"]);
-    assert_ne!(
-        densest.unwrap()["id"],
-        classes.last().unwrap()["id"],
-        "the highest number isn't the brightest"
-    );
+    assert_eq!(boundary.unwrap()["metrics"]["class"], 1);
 }
 
 #[test]
@@ -95,16 +94,22 @@ fn labels_that_can_not_be_meant_are_refused_with_what_to_do() {
     let at = folder.path();
     begin(at);
     json(at, &["import", "organs.nii.gz", "--mask", "-o", "mask.ivd"]);
-    json(at, &["phantom", "sphere", "--size", "16", "-o", "far.ivd"]);
-    std::fs::write(at.join("far.nrrd"), far()).unwrap();
+    std::fs::write(at.join("far.nrrd"), labels(2, 500, &[1; 8])).unwrap();
     let output = "[output]\nlabels_deformed = \"l.nrrd\"\n";
     let still = SCENE.split("[[deform").next().unwrap();
     for (scene, wanted, says) in [
         (format!("{SCENE}[segment]\nk = 4\n{output}"), 2, "[segment]"),
         (format!("{still}{output}"), 2, "output.labels_deformed"),
+        (
+            format!(
+                "{SCENE}[clip]\nof = \"input\"\n[[clip.planes]]\npoint = [16.0, 16.0, 16.0]\nnormal = [0.0, 0.0, 1.0]\n{output}"
+            ),
+            2,
+            "clip the result",
+        ),
         (SCENE.replace("\"organs", "\"/organs") + output, 2, "input.labels"),
         (SCENE.replace("organs.nii.gz", "mask.ivd") + output, 2, "give labels"),
-        (SCENE.replace("organs.nii.gz", "gone.nii.gz") + output, 3, "gone.nii.gz"),
+        (SCENE.replace("organs.nii.gz", "gone.nii.gz") + output, 7, "gone.nii.gz"),
         (SCENE.replace("organs.nii.gz", "far.nrrd") + output, 2, "share no place"),
         (format!("{SCENE}{}", output.replace("l.nrrd", "l.png")), 2, "output.labels_deformed"),
     ] {
@@ -115,9 +120,78 @@ fn labels_that_can_not_be_meant_are_refused_with_what_to_do() {
     }
 }
 
-/// Labels that lie where no voxel of the scan does.
-fn far() -> Vec<u8> {
-    let head = "NRRD0004\ntype: uchar\ndimension: 3\nspace: right-anterior-superior\nsizes: 2 2 2\n\
-        space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: (500,0,0)\nencoding: raw\n\n";
-    [head.as_bytes(), &[1; 8]].concat()
+/// A file of labels on a cube of `n` voxels of 1 mm, the first of which lies so far to the right.
+fn labels(n: usize, right: usize, ids: &[u8]) -> Vec<u8> {
+    let head = format!(
+        "NRRD0004\ntype: uchar\ndimension: 3\nspace: right-anterior-superior\nsizes: {n} {n} {n}\n\
+         space directions: (1,0,0) (0,1,0) (0,0,1)\nspace origin: ({right},0,0)\nencoding: raw\n\n"
+    );
+    [head.as_bytes(), ids].concat()
+}
+
+#[test]
+fn what_comes_from_beyond_the_scan_is_no_part_whatever_is_said_of_its_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    // A part that reaches the scan's top, is pressed down there, and has the highest values of two.
+    let block = |x: usize, y: usize, z: usize| {
+        let is_in = |c: usize| (8..24).contains(&c);
+        if is_in(x) && is_in(y) && z >= 12 { 1 + u8::from(z >= 18) } else { 0 }
+    };
+    let ids: Vec<u8> = (0..32 * 32 * 32).map(|i| block(i % 32, i / 32 % 32, i / 1024)).collect();
+    let values: Vec<u8> = ids.iter().map(|id| 90 * id).collect();
+    std::fs::write(at.join("organs.nrrd"), labels(32, 0, &ids)).unwrap();
+    std::fs::write(at.join("block.nrrd"), labels(32, 0, &values)).unwrap();
+    let scene = "schema = 1\n[input]\nfile = \"block.nrrd\"\nlabels = \"organs.nrrd\"\n[boundary]\nclass = 2\n[lattice]\niso = 45.0\n\
+        [[deform.handle]]\npick = [16.0, 16.0, 31.0]\nmove = [0.0, 0.0, -4.0]\nradius = 10.0\n";
+    let output = "[output]\nvolume = \"v.nrrd\"\nlabels_deformed = \"l.nrrd\"\n";
+    let count = |id: u64| {
+        json(at, &["import", "out/l.nrrd", "--labels", "-o", "l.ivd"]);
+        let told = json(at, &["info", "l.ivd"]);
+        let classes = told["content"]["classes"].as_array().unwrap();
+        let class = classes.iter().find(|class| class["id"] == id);
+        class.map_or(0, |class| class["voxels"].as_u64().unwrap())
+    };
+    let before = |id: u8| ids.iter().map(|other| u64::from(*other == id)).sum::<u64>();
+    for background in ["", "[warp]\nbackground = -40.0\n", "[warp]\nbackground = 7.0\n"] {
+        write(at, &format!("{scene}{background}{output}"));
+        run(at);
+        assert!(count(2) < before(2), "{background}: what was pressed in has left its top");
+        assert!(count(1) <= before(1), "{background}: {} of {}", count(1), before(1));
+        assert_eq!(count(7), 0, "{background}");
+    }
+}
+
+#[test]
+fn a_report_tells_of_labels_as_of_a_segmentation() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    write(at, &format!("{SCENE}[output]\nreport = true\n"));
+    run(at);
+    let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
+    assert!(
+        page.contains("organs.nii.gz") && page.contains("another program"),
+        "the file, and who found them"
+    );
+    assert!(page.contains("<h2>Classes</h2>"), "a table of them");
+}
+
+#[test]
+fn no_output_takes_the_place_of_what_is_read_or_of_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    let before = std::fs::read(at.join("organs.nii.gz")).unwrap();
+    for (output, says) in [
+        ("labels_deformed = \"organs.nii.gz\"", "which the scene reads"),
+        ("volume = \"v.nrrd\"", "which the scene reads"),
+        ("labels = \"x.nrrd\"\nlabels_deformed = \"x.nrrd\"", "name two files"),
+    ] {
+        write(at, &format!("{SCENE}[output]\n{output}\n"));
+        let (code, told) = refused(at, &["pipeline", "scene.toml", "--out", "."]);
+        assert!(code == 2 && told.contains(says), "{output}: {told}");
+    }
+    assert!(std::fs::read(at.join("organs.nii.gz")).unwrap() == before);
 }

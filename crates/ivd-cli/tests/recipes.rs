@@ -75,7 +75,7 @@ fn every_recipe_runs_and_gives_what_it_says() {
     let files = ["nose/pressed.nii.gz", "nose/report.html", "frames/press.glb", "skull.stl", "to-rest.nrrd"];
     for name in files.iter().chain(&[
         "deformed-organs.nii.gz",
-        "organs/organs.nii.gz",
+        "organs/deformed-organs.nii.gz",
         "to-deformed.nrrd",
         "pressed.ply",
         "moved.nii.gz",
@@ -100,7 +100,7 @@ fn every_recipe_runs_and_gives_what_it_says() {
         let classes = told["content"]["classes"].as_array().unwrap().clone();
         classes.iter().map(|c| (c["id"].clone(), c["voxels"].as_f64().unwrap())).collect()
     };
-    json(at, &["import", "organs/organs.nii.gz", "--labels", "-o", "scene-organs.ivd"]);
+    json(at, &["import", "organs/deformed-organs.nii.gz", "--labels", "-o", "scene-organs.ivd"]);
     for deformed in ["deformed-organs.ivd", "scene-organs.ivd"] {
         for ((id, rest), (same, moved)) in voxels("organs.ivd").iter().zip(voxels(deformed)) {
             assert_eq!(*id, same);

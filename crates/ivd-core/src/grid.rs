@@ -326,7 +326,7 @@ impl Grid {
 
     /// Voxels along a cell's edges: at most eight, powers of two, about as long (mm) along every axis.
     ///
-    /// - `edge`: along the shortest voxels; without it four, more where voxels are longer than that along another axis, since cells that are
+    /// - `edge`: along the shortest voxels; without it four, eight where voxels are as long as that along another axis, since cells that are
     ///   finer one way than they can be the other cost much and tell nothing; and fewer where a ball of radius `least` (mm) would have less
     ///   than a dozen cells across.
     pub fn cell_steps(&self, edge: Option<u8>, least: f64) -> [usize; 3] {

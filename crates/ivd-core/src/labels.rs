@@ -137,7 +137,7 @@ impl Labels {
         self.classes.iter_mut().for_each(|class| class.voxels = voxels(class.id));
     }
 
-    /// The classes: those that were found in the order of their means, those of another program in that of their ids.
+    /// The classes: as they were found in the order of their means, of a volume of another program in that of their ids.
     pub fn classes(&self) -> &[Class] {
         &self.classes
     }

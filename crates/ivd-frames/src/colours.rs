@@ -1,5 +1,6 @@
 //! Brightness, contrast and colours, as they are turned by hand.
 
+use ivd_atf::{ValueScale, is_computed_tomography};
 use ivd_core::{TransferFunction, Volume};
 use ivd_pipeline::scene::WindowSection;
 
@@ -7,6 +8,12 @@ use ivd_pipeline::scene::WindowSection;
 const CLIPPED: f64 = 0.005;
 /// Voxels looked at, about.
 const LOOKED_AT: usize = 1 << 17;
+
+/// Usual for the trunk in computed tomography (HU): 400 wide about 40. Bone is white in it, lung black.
+const SOFT_TISSUE: Window = Window { low: -160.0, high: 240.0 };
+
+/// Share of the voxels looked at, at least, that are soft tissue where it is looked for.
+const SOFT: f64 = 0.1;
 
 /// The values that are black and white.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,7 +28,7 @@ impl Window {
         said.values.map_or(self, |[low, high]| Self { low, high })
     }
 
-    /// What most values of a volume lie in.
+    /// What soft tissue is told apart in, of computed tomography that shows some; else what most values of a volume lie in.
     pub(crate) fn of(volume: &Volume) -> Self {
         let len = volume.grid().len();
         let step = (len / LOOKED_AT).max(1);
@@ -30,6 +37,12 @@ impl Window {
             .map(|i| volume.real(volume.voxels().get(i)))
             .filter(|value| value.is_finite())
             .collect();
+        let Self { low, high } = SOFT_TISSUE;
+        let soft = values.iter().filter(|value| (low..high).contains(value)).count();
+        let is_tomography = || is_computed_tomography(volume, ValueScale::Auto);
+        if soft as f64 >= SOFT * values.len() as f64 && is_tomography() {
+            return SOFT_TISSUE;
+        }
         values.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
             let last = values.len().saturating_sub(1) as f64;
@@ -106,6 +119,8 @@ impl Turned {
 
 #[cfg(test)]
 mod tests {
+    use ivd_core::{Grid, Modality, Voxels};
+
     use super::*;
 
     #[test]
@@ -119,6 +134,23 @@ mod tests {
         assert!(
             (narrow.sample(0, 60.0)[3] - 0.7).abs() < 1e-6 && (narrow.sample(0, 50.0)[3] - 0.5).abs() < 1e-6
         );
+    }
+
+    #[test]
+    fn soft_tissue_is_told_apart_where_values_are_hounsfields() {
+        let grid = Grid::with_spacing([10; 3], [1.0; 3]).unwrap();
+        let values = |low: f32, high: f32| -> Vec<f32> {
+            (0..1000).map(|i| low + (high - low) * i as f32 / 999.0).collect()
+        };
+        let of = |low, high| Volume::new(grid.clone(), Voxels::from(values(low, high))).unwrap();
+        let scan = of(-1000.0, 1200.0);
+        assert_eq!(Window::of(&scan), SOFT_TISSUE);
+        // A map of phases reaches as far, and shows none.
+        assert!(Window::of(&of(-4096.0, 4095.0)).high > 3000.0);
+        let resonance = scan.with_modality(Some(Modality::MagneticResonance));
+        assert!((Window::of(&resonance).low + 989.0).abs() < 3.0);
+        let plain = Window::of(&of(0.0, 200.0));
+        assert!((plain.low - 1.0).abs() < 0.3 && (plain.high - 199.0).abs() < 0.3, "{plain:?}");
     }
 
     #[test]

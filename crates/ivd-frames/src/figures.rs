@@ -8,6 +8,7 @@ use ivd_session::ClipPart;
 use serde::Serialize;
 
 use crate::planes::value_at;
+use crate::request::MapName;
 use crate::{Compared, Made, Overlay, Pane};
 
 /// Sine of the angle to the line of sight from which on the way into a surface is seen aside (30°): nearer to it a drag along [`Axis::N`](crate::Axis::N) presses in by a way up,
@@ -175,8 +176,8 @@ pub struct Refused {
     pub why: String,
     /// The same with its figures, where these are left out.
     pub exactly: Option<String>,
-    /// Whether voxels that follow smoothest may come further.
-    pub smoothest: bool,
+    /// How voxels may follow instead: smoothest, which may come further, or what is nearest, which is sooner there.
+    pub instead: Option<MapName>,
     /// How far the hand is from what it holds (mm).
     pub ahead_mm: f64,
 }
@@ -288,6 +289,8 @@ pub struct Figures {
     pub slices: [Slice; 3],
     /// Classes whose look can be changed; none where the picture isn't made by them.
     pub classes: Vec<Class>,
+    /// Classes that are only the transition between others: they are drawn as these are.
+    pub transitions: Vec<u16>,
     /// Whether something would be lost that no scene was saved of.
     pub unsaved: bool,
     /// What colours over the slices tell of.

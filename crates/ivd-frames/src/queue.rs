@@ -50,6 +50,12 @@ impl Queue {
     /// Takes a request, unless too many wait. What lets go of something is always taken.
     pub(crate) fn push(&self, client: Client, request: Request) -> bool {
         let mut waiting = self.locked();
+        // Where a hand that gives up has been isn't gone to any more.
+        let goes = |(who, last): &(Client, Request)| *who == client && matches!(last, Request::Drag { .. });
+        while request == Request::Abandon && waiting.requests.back().is_some_and(goes) {
+            waiting.requests.pop_back();
+            waiting.left += 1;
+        }
         if let Some((who, last)) = waiting.requests.back_mut() {
             // What isn't allowed is refused by itself: merged, it would take what is allowed with it.
             let both = request.check().is_ok() && last.check().is_ok();

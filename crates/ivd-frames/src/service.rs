@@ -103,11 +103,15 @@ pub enum Output {
     Failed(Arc<Error>),
 }
 
+/// Whose drag is followed now, if one is, and what stops that.
+type Dragging = Arc<Mutex<Option<(Client, Cancel)>>>;
+
 /// A running service. Dropped, it ends.
 pub struct Service {
     queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
     following: Arc<Mutex<Cancel>>,
+    dragging: Dragging,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -126,27 +130,36 @@ impl Service {
         let queue = Arc::new(Queue::default());
         let refining = Arc::new(Mutex::new(Cancel::default()));
         let following = Arc::new(Mutex::new(Cancel::default()));
+        let dragging = Dragging::default();
         let worker = Worker {
             queue: queue.clone(),
             refining: refining.clone(),
             following: following.clone(),
+            dragging: dragging.clone(),
             exec,
             publish,
         };
         let thread = std::thread::Builder::new().name("frames".to_owned()).spawn(move || worker.run(open));
         let thread =
             thread.map_err(|e| Error::Io { what: "the thread that draws", problem: e.to_string() })?;
-        Ok(Self { queue, refining, following, thread: Some(thread) })
+        Ok(Self { queue, refining, following, dragging, thread: Some(thread) })
     }
 
     /// Asks for something. Answers come to `publish`. Whether that is taken: not where too much waits already, but for what lets go of something.
-    /// [`Request::Stop`] doesn't wait for its turn.
+    /// [`Request::Stop`] doesn't wait for its turn, and what a hand gives up isn't followed any further.
     pub fn ask(&self, client: Client, request: Request) -> bool {
         if request == Request::Stop {
             cancel(&self.following);
             return true;
         }
+        let gives_up = request == Request::Abandon;
         let taken = self.queue.push(client, request);
+        if gives_up {
+            let dragging = self.dragging.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some((_, drag)) = dragging.as_ref().filter(|(who, _)| *who == client) {
+                drag.cancel();
+            }
+        }
         self.stop_refining();
         taken
     }
@@ -191,6 +204,7 @@ struct Worker<P> {
     queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
     following: Arc<Mutex<Cancel>>,
+    dragging: Dragging,
     exec: Exec,
     publish: P,
 }
@@ -442,13 +456,23 @@ impl<P: FnMut(Output)> Worker<P> {
             (self.publish)(Output::File(client, file));
             return Ok(());
         }
-        model.stops_by(begin(&self.following));
-        match model.follow(request) {
+        let stop = begin(&self.following);
+        model.stops_by(stop.clone());
+        let drags = matches!(request, Request::Grab { .. } | Request::Drag { .. });
+        self.drags(drags.then_some((client, stop)));
+        let followed = model.follow(request);
+        self.drags(None);
+        match followed {
             Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
             Err(error) => (self.publish)(Output::Problem(client, error.to_string())),
             Ok(()) => {}
         }
         Ok(())
+    }
+
+    /// A drag is followed, or none any more.
+    fn drags(&self, drag: Option<(Client, Cancel)>) {
+        *self.dragging.lock().unwrap_or_else(PoisonError::into_inner) = drag;
     }
 
     /// Makes a file.

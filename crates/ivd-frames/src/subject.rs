@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use ivd_artefact::Cache;
+use ivd_atf::is_computed_tomography;
 use ivd_core::op::Op as _;
 use ivd_core::{Exec, Grid, Labels, Lattice, TransferFunction, Value as _, Volume};
 use ivd_field::clip::{SceneClip, Whose};
@@ -66,6 +67,8 @@ pub struct Subject {
     pub is_chosen: bool,
     /// Whether the scene's pictures have light taken away by what is around, which those of a window haven't.
     pub is_plain: bool,
+    /// Whether its values are Hounsfield units, which tell what matter is.
+    pub is_tomography: bool,
 }
 
 /// The scene of a bare scan.
@@ -183,7 +186,7 @@ impl Subject {
             asked.is_some_and(|value| value != json!(0) && value != json!(false))
         };
         let is_plain = asks("ao") || asks("shadow");
-        let subject = Self {
+        let mut subject = Self {
             made: Made::of(&scene, part.as_ref(), is_body),
             scene,
             volume,
@@ -197,9 +200,13 @@ impl Subject {
             said,
             is_chosen: is_bare,
             is_plain,
+            is_tomography: false,
         };
         // Both that are drawn have it then.
         subject.volume.find_bricks(exec)?;
+        let values = subject.scene.param(&ivd_atf::STAGE, "values");
+        let values = values.and_then(|values| serde_json::from_value(values).ok()).unwrap_or_default();
+        subject.is_tomography = is_computed_tomography(&subject.volume, values);
         let transfer = first_transfer(&subject)?;
         tell.stage(refine.name);
         tell.at_rest(|| AtRest {

@@ -106,6 +106,14 @@ pub const KEYS: [(&str, &str); 15] = [
 pub const NOTICE: &str = "For research, not for diagnosis.";
 
 impl MapName {
+    /// As scenes and figures call it.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Octree => "octree",
+            Self::Biharmonic => "biharmonic",
+        }
+    }
+
     /// All of them.
     pub const ALL: [Self; 2] = [Self::Octree, Self::Biharmonic];
 

@@ -127,7 +127,7 @@ pub struct OctreeParams {
 #[serde(default)]
 pub struct BiharmonicParams {
     /// Edge of the cells: 1, 2 or 4 voxels, and as many along the other axes as give about the same length. Without it four, eight where
-    /// slices lie as far apart, and fewer where the smallest ball and its margin are less than 24 voxels wide.
+    /// slices lie eight of these apart, and fewer where the smallest ball and its margin are less than 24 voxels wide.
     #[schemars(range(min = 1, max = 4), extend("x-unit" = "voxels", "x-knob" = "accuracy"))]
     pub cell: Option<u8>,
     /// Beyond the lattice.
@@ -142,7 +142,7 @@ pub struct BiharmonicParams {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct FemParams {
-    /// Edge of the finest cells: 1, 2 or 4 voxels. Without it four, eight where slices lie as far apart, and fewer where the smallest ball and
+    /// Edge of the finest cells: 1, 2 or 4 voxels. Without it four, eight where slices lie eight of these apart, and fewer where the smallest ball and
     /// its margin are less than 24 voxels wide.
     #[schemars(range(min = 1, max = 4), extend("x-unit" = "voxels", "x-knob" = "accuracy"))]
     pub cell: Option<u8>,

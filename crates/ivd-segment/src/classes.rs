@@ -9,6 +9,9 @@ use crate::moments::{Frame, Moments};
 /// Voxels that one task looks at, at least. The joins follow this division, never the threads.
 const CHUNK: usize = 1 << 16;
 
+/// Means that differ by less than this share are the same, but for how their sums were rounded.
+const SAME: f64 = 1e-9;
+
 /// Gives the groups 1…`groups` of `ids` new ids: 1…K in the order of their means, the larger first where means are equal; empty
 /// groups are left out. 0 stays no data. Also says which group became which class: `order[class - 1]` is the old id.
 pub(crate) struct Described {
@@ -59,7 +62,7 @@ pub(crate) fn by_mean(
 }
 
 /// The labels with what a volume holds at the voxels of each class: the mean and the spread of those that have a value. A class of which none
-/// has one keeps what was said of it, and so does where classes meet.
+/// has one keeps what was said of it. Where classes met in other values is forgotten with these.
 ///
 /// # Errors
 /// A volume on another grid; cancelled.
@@ -69,11 +72,19 @@ pub fn measured(labels: &Labels, volume: &Volume, exec: &Exec) -> Result<Labels,
     let groups = labels.ids().iter().max().map_or(0, |id| usize::from(*id));
     let moments = with_voxels!(volume.voxels(), slice => moments(slice, labels.ids(), groups, &frame, exec))?;
     let mut classes = labels.classes().to_vec();
+    let mut is_other = false;
     for class in &mut classes {
         let of_class = usize::from(class.id).checked_sub(1).and_then(|group| moments.get(group));
         if let Some(found) = of_class.filter(|found| found.count > 0) {
-            class.mean = volume.real(found.mean(&frame)).clamp(f64::MIN, f64::MAX);
+            let mean = volume.real(found.mean(&frame)).clamp(f64::MIN, f64::MAX);
+            is_other |= (mean - class.mean).abs() > SAME * (mean.abs() + class.sd);
+            class.mean = mean;
             class.sd = (found.sd(&frame) * volume.slope().abs()).min(f64::MAX);
+        }
+    }
+    if is_other {
+        for class in &mut classes {
+            (class.lower, class.upper) = (None, None);
         }
     }
     Labels::new(labels.grid().clone(), labels.buffer().clone(), classes)
@@ -175,6 +186,15 @@ mod tests {
         let told: Vec<_> = found.classes().iter().map(|c| (c.id, c.mean, c.sd, c.voxels)).collect();
         assert_eq!(told, [(2, 2.0, 0.0, 1), (4, -5.0, 0.0, 1), (7, 20.0, 10.0, 3)]);
         assert_eq!(found.ids(), labels.ids());
+        // Where classes meet is known of the values that they were found in alone.
+        let own =
+            crate::kmvs(&scan, None, &crate::KmvsParams { k: 2, ..Default::default() }, &Exec::default());
+        let own = own.unwrap().labels;
+        assert_eq!(measured(&own, &scan, &Exec::default()).unwrap().classes(), own.classes());
+        let brighter =
+            measured(&own, &of(vec![110.0, 130.0, f32::NAN, 199.0, f32::NAN, 95.0]), &Exec::default());
+        assert!(own.classes()[0].upper.is_some());
+        assert!(brighter.unwrap().classes().iter().all(|c| c.lower.is_none() && c.upper.is_none()));
         let other = Volume::new(Grid::with_spacing([6, 1, 1], [2.0; 3]).unwrap(), scan.voxels().clone());
         assert!(measured(&labels, &other.unwrap(), &Exec::default()).is_err());
     }

@@ -8,6 +8,9 @@ use crate::window::Window;
 /// What classes are.
 const ABOUT: &str = "Found by their values: what is alike is one class, whatever it is called. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
 
+/// What a transition is.
+const BETWEEN: &str = "Voxels where one kind of matter passes into another: their values are a mixture of both, and no matter of their own";
+
 impl Window {
     /// Shows a row for each class.
     pub(crate) fn classes(&mut self, ui: &mut Ui, figures: &Figures) {
@@ -23,6 +26,11 @@ impl Window {
             ui.horizontal(|ui| self.class(ui, class, pointed == Some(class.id)));
             self.matter_of(ui, figures, class.id);
         }
+        if !figures.transitions.is_empty() {
+            let ids: Vec<String> = figures.transitions.iter().map(u16::to_string).collect();
+            let text = format!("Class {}: between others, and drawn as they are", ids.join(", "));
+            ui.weak(text).on_hover_text(BETWEEN);
+        }
         self.matter_of_others(ui, figures);
     }
 
@@ -31,8 +39,7 @@ impl Window {
         ui.spacing_mut().slider_width = 44.0;
         ui.spacing_mut().item_spacing.x = 5.0;
         let mut is_seen = !hidden;
-        let named = name.as_ref().map_or_else(|| format!("Class {id}"), |name| format!("Class {id}: {name}"));
-        let text = RichText::new(named);
+        let text = RichText::new(format!("Class {id}"));
         let seen = ui.checkbox(&mut is_seen, if is_pointed { text.strong().underline() } else { text });
         let seen = seen.on_hover_text(format!("values {low:.4} to {high:.4}"));
         let before = bytes(colour);
@@ -43,7 +50,9 @@ impl Window {
         let slid = ui.add_enabled(is_seen, slider).accessible_name(format!("Opacity of class {id}"));
         let slid = slid.on_hover_text(format!("opacity {opacity:.3}"));
         let much = ml.map_or_else(String::new, |ml| format!(", {} ml", rounded(ml)));
-        ui.add(Label::new(RichText::new(format!("{low:.0} to {high:.0}{much}")).weak()).truncate());
+        let named = name.as_ref().map_or_else(String::new, |name| format!("{name}: "));
+        let told = format!("{named}{low:.0} to {high:.0}{much}");
+        ui.add(Label::new(RichText::new(told).weak()).truncate());
         if seen.changed() || coloured.changed() || slid.changed() {
             let [red, green, blue] = rgb;
             let colour =

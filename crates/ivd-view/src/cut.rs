@@ -9,6 +9,9 @@ use crate::window::Window;
 /// Lips further apart than this share of the radius fold what lies beside them.
 const OPENEST: f64 = 0.5;
 
+/// What a radius of a cut is.
+const DISC: &str = "A cut is a disc about the middle of its line: from the skin it goes as deep as half the line is long. Make it smaller for a shallow one";
+
 /// Planes that a cut where the slices meet may lie in: what it is called, the slice that its line is drawn over, and whether that goes across or down.
 const PLANES: [(&str, Pane, [f64; 2]); 3] = [
     ("along the sagittal slice", Pane::Axial, [0.0, 1.0]),
@@ -35,7 +38,9 @@ impl Window {
         }
         let mut radius = self.value("Radius of the cut", cut.radius);
         let largest = self.extent_mm().max(1.0);
-        for response in slider(ui, "Radius of the cut", "mm", &mut radius, 0.5..=largest, Scale::Ratios) {
+        let unit = "mm: as deep as it is long to each side";
+        for response in slider(ui, "Radius of the cut", unit, &mut radius, 0.5..=largest, Scale::Ratios) {
+            let response = response.on_hover_text(DISC);
             // As open for its length as it was.
             let radius = radius.max(1e-3);
             let open = cut.open / cut.radius * radius;

@@ -108,6 +108,10 @@ impl Window {
             ui.label("place (mm)");
             let field = TextEdit::singleline(&mut self.typed.place).hint_text("x, y, z").desired_width(110.0);
             let field = ui.add(field).accessible_name("Place of a new handle, at rest, mm");
+            if figures.handles.is_empty() && std::mem::take(&mut self.to_handles) {
+                field.request_focus();
+                field.scroll_to_me(None);
+            }
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             if ui.button("Add").on_hover_text("A handle at that place").clicked() || entered {
                 match read(&self.typed.place) {
@@ -180,6 +184,11 @@ impl Window {
         };
         if go.has_focus() && ui.input(deletes) {
             self.ask(Request::Remove { handle: id });
+        }
+        let worked_on = self.selected.or_else(|| figures.handles.first().map(|one| one.id));
+        if worked_on == Some(id) && std::mem::take(&mut self.to_handles) {
+            go.request_focus();
+            go.scroll_to_me(None);
         }
         if go.clicked() {
             go.request_focus();

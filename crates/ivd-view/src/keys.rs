@@ -7,6 +7,7 @@ use ivd_render::Side;
 use crate::bar::quit;
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
+use crate::number::is_as_it_was;
 use crate::system::Purpose;
 use crate::window::Window;
 
@@ -22,7 +23,7 @@ pub(crate) const BOTH: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE,
 const REDO_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Y);
 
 /// Keys and buttons that this window has beside those of every window.
-pub(crate) const OWN: [(&str, &str); 8] = [
+pub(crate) const OWN: [(&str, &str); 9] = [
     ("Ctrl+O, Ctrl+S, Ctrl+Q", "open, save the scene, quit"),
     ("Ctrl+R", "record the volume's picture; again: stop, and keep it"),
     (
@@ -32,6 +33,7 @@ pub(crate) const OWN: [(&str, &str); 8] = [
     ("J", "the tool Bone"),
     ("double click, with the tool Turn", "one picture alone; again: all of them"),
     ("Tab", "to the next part of the window; Space or Enter presses it"),
+    ("F6", "to the list of handles"),
     ("Ctrl++, Ctrl+-", "larger and smaller letters"),
     ("? or F1", "this list"),
 ];
@@ -72,7 +74,11 @@ impl Window {
         if shortcut(&QUIT) {
             quit(context);
         }
-        if context.text_edit_focused() {
+        if pressed(Key::F6) {
+            self.to_handles = self.shown.figures().is_some();
+        }
+        // A field that nothing was typed into has nothing to take back itself.
+        if context.text_edit_focused() && !is_as_it_was(context) {
             return;
         }
         // The longer one first: the shorter is part of it.
@@ -80,6 +86,9 @@ impl Window {
             self.ask(Request::Redo);
         } else if shortcut(&UNDO) {
             self.ask(Request::Undo);
+        }
+        if context.text_edit_focused() {
+            return;
         }
         if self.hands.hold() {
             for (key, axis) in [(Key::X, Axis::X), (Key::Y, Axis::Y), (Key::Z, Axis::Z), (Key::N, Axis::N)] {

@@ -1,7 +1,7 @@
 //! Fields for numbers.
 
 use egui::response::Flags;
-use egui::{DragValue, Response, Ui};
+use egui::{Context, DragValue, Event, Id, Key, Response, Ui};
 
 /// A field for a number, which shows so many digits behind the point and may hold more. One that is passed by Tab gives its number as it is written: that changes
 /// nothing.
@@ -17,10 +17,42 @@ pub(crate) fn number(
     let before = *value;
     let field = shape(DragValue::new(value).max_decimals(digits)).update_while_editing(false);
     let mut field = ui.add(field).accessible_name(name.to_owned());
+    note_typed(ui, &field);
     let written: f64 = format!("{before:.digits$}").parse().unwrap_or(before);
     if !field.dragged() && (*value - written).abs() <= 1e-9 * written.abs() {
         *value = before;
         field.flags.remove(Flags::CHANGED);
     }
     field
+}
+
+/// Where it is noted whether a field that has the keys is as it was, and in which pass.
+fn noted() -> Id {
+    Id::unique("a field with the keys is as it was")
+}
+
+/// Notes whether anything was typed into a field since it has the keys.
+fn note_typed(ui: &Ui, field: &Response) {
+    if !field.has_focus() {
+        return;
+    }
+    let types = |event: &Event| match event {
+        Event::Text(_) | Event::Paste(_) | Event::Cut | Event::Ime(_) => true,
+        Event::Key { key, pressed, .. } => *pressed && [Key::Backspace, Key::Delete].contains(key),
+        _ => false,
+    };
+    let is_typed = ui.input(|input| input.events.iter().any(types));
+    let pass = ui.ctx().cumulative_pass_nr();
+    ui.data_mut(|data| {
+        let before = data.get_temp::<(Id, u64, bool)>(noted());
+        let was_typed = before.is_some_and(|(id, _, is_same)| id == field.id && !is_same);
+        data.insert_temp(noted(), (field.id, pass, !(is_typed || was_typed && !field.gained_focus())));
+    });
+}
+
+/// Whether a field for a number has the keys, and nothing was typed into it.
+pub(crate) fn is_as_it_was(context: &Context) -> bool {
+    let noted = context.data(|data| data.get_temp::<(Id, u64, bool)>(noted()));
+    // What is said of it is of the pass before.
+    noted.is_some_and(|(_, pass, is_same)| is_same && context.cumulative_pass_nr() <= pass + 1)
 }

@@ -1,10 +1,12 @@
 //! What is drawn over a pane's picture: cross hair, handles, pins, letters, a bar of a round length.
 
+use std::cell::RefCell;
+
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
 use ivd_frames::{Bone, Figures, Hovered, Overlay, Pane, Ruler, SEEN_ASIDE, Shows, Spot, Tool};
 
 use crate::handles::told;
-use crate::rulers::{degrees, mm};
+use crate::rulers::{degrees, mm, shown_mm};
 use crate::shown::Shown;
 
 const CROSS: Color32 = Color32::from_rgba_premultiplied(63, 139, 106, 170);
@@ -33,6 +35,9 @@ const SHADES: usize = 25;
 /// Of a class's colour and number (points).
 const CHIP: f32 = 34.0;
 
+/// Texts that would lie over one another are tried so many lines further down, and up.
+const LINES: i32 = 8;
+
 /// What is drawn over a pane.
 pub(crate) struct Over<'a> {
     pub(crate) painter: &'a Painter,
@@ -48,6 +53,8 @@ pub(crate) struct Over<'a> {
     pub(crate) is_at_work: bool,
     /// The line that is drawn, to cut, to measure or to make a bone along.
     pub(crate) line: Option<[[f64; 2]; 2]>,
+    /// Where rulers and handles are written about.
+    pub(crate) written: RefCell<Vec<Rect>>,
 }
 
 impl Over<'_> {
@@ -73,6 +80,16 @@ impl Over<'_> {
         let dark = Color32::BLACK.gamma_multiply(0.8 * f32::from(colour.a()) / 255.0);
         self.painter.text(at + vec2(1.0, 1.0), align, text.to_string(), font.clone(), dark);
         self.painter.text(at, align, text, font, colour);
+    }
+
+    /// Writes something that belongs to a place, within the picture and clear of its letters and of what else was written so.
+    fn note(&self, at: Pos2, align: Align2, text: &str, colour: Color32) {
+        let size = self.painter.layout_no_wrap(text.to_owned(), FontId::proportional(LETTERS), colour).size();
+        let mut written = self.written.borrow_mut();
+        let rect = clear_of(&written, align.anchor_size(at, size), self.rect.shrink(EDGE));
+        written.push(rect);
+        drop(written);
+        self.write(rect.left_top(), Align2::LEFT_TOP, text, LETTERS, colour);
     }
 
     fn place(&self, share: [f64; 2]) -> Pos2 {
@@ -148,7 +165,7 @@ impl Over<'_> {
             } else {
                 (8.0, Align2::LEFT_BOTTOM)
             };
-            self.write(at + vec2(way, -8.0), align, text, LETTERS, colour);
+            self.note(at + vec2(way, -8.0), align, &text, colour);
         }
         if let Some(hovered) = hovered.filter(|_| figures.held.is_none() && pointed.is_none()) {
             self.would_take(figures, hovered, scale);
@@ -230,18 +247,22 @@ impl Over<'_> {
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(4.0, dark));
             self.painter.line_segment([pair[0], pair[1]], Stroke::new(1.5, colour));
             if !faint {
-                let text = mm(figures, ruler, leg);
+                // What it was at rest stands in the list: over the volume all rulers are seen at once.
+                let text = match self.pane {
+                    Pane::Volume => format!("{:.1} mm", shown_mm(figures, ruler, leg)),
+                    _ => mm(figures, ruler, leg),
+                };
                 let font = FontId::proportional(LETTERS);
                 let size = self.painter.layout_no_wrap(text.clone(), font, colour).size();
                 let (off, align) = beside(pair[1] - pair[0], size);
-                self.write(pair[0] + 0.5 * (pair[1] - pair[0]) + off, align, text, LETTERS, colour);
+                self.note(pair[0] + 0.5 * (pair[1] - pair[0]) + off, align, &text, colour);
             }
         }
         for end in &ends {
             self.ring(*end, 3.0, colour, 1.5);
         }
         if let Some(text) = degrees(figures, ruler).filter(|_| !faint) {
-            self.write(ends[1] + vec2(8.0, 6.0), Align2::LEFT_TOP, text, LETTERS, colour);
+            self.note(ends[1] + vec2(8.0, 6.0), Align2::LEFT_TOP, &text, colour);
         }
     }
 
@@ -345,6 +366,25 @@ fn round_length(most: f64) -> f64 {
     (length.unwrap_or(power) * 1e6).round() / 1e6
 }
 
+/// Where something is written in a room: as near to where it belongs as it is clear of what was written, or there where it is nowhere.
+fn clear_of(written: &[Rect], rect: Rect, room: Rect) -> Rect {
+    let within = |at: Rect| at.translate(held_in(at, room));
+    let first = within(rect);
+    let lines = (0..=LINES).flat_map(|line| [line, -line]);
+    let places = lines.map(|line| within(first.translate(vec2(0.0, line as f32 * rect.height()))));
+    let is_free = |at: &Rect| !written.iter().any(|other| other.intersects(at.shrink(1.0)));
+    { places }.find(is_free).unwrap_or(first)
+}
+
+/// The way by which something comes to lie in a room, as far as it has room there.
+fn held_in(rect: Rect, room: Rect) -> Vec2 {
+    let along = |low: f32, high: f32, [least, most]: [f32; 2]| (least - low).max((most - high).min(0.0));
+    vec2(
+        along(rect.left(), rect.right(), [room.left(), room.right()]),
+        along(rect.top(), rect.bottom(), [room.top(), room.bottom()]),
+    )
+}
+
 /// How a pane is called.
 pub(crate) fn name(pane: Pane) -> &'static str {
     match pane {
@@ -381,6 +421,34 @@ mod tests {
             let sides = corners.map(|corner| way.x * corner.y - way.y * corner.x);
             assert!(sides.iter().all(|side| side * sides[0] > 0.0), "{degrees}°: {sides:?}");
         }
+    }
+
+    #[test]
+    fn what_is_written_about_a_place_is_held_in_its_picture() {
+        let room = Rect::from_min_max(pos2(0.0, 0.0), pos2(100.0, 50.0));
+        let size = vec2(30.0, 10.0);
+        for (corner, wanted) in [
+            ((10.0, 10.0), (10.0, 10.0)),
+            ((-5.0, 45.0), (0.0, 40.0)),
+            ((90.0, -20.0), (70.0, 0.0)),
+            ((200.0, 200.0), (70.0, 40.0)),
+        ] {
+            let rect = Rect::from_min_size(pos2(corner.0, corner.1), size);
+            assert_eq!(rect.translate(held_in(rect, room)).min, pos2(wanted.0, wanted.1), "{corner:?}");
+        }
+        // What was written there first stays readable, in the lowest corner as well.
+        let mut written = Vec::new();
+        for _ in 0..4 {
+            let next = clear_of(&written, Rect::from_min_size(pos2(95.0, 48.0), size), room);
+            assert!(
+                room.contains_rect(next)
+                    && !written.iter().any(|other: &Rect| other.intersects(next.shrink(1.0)))
+            );
+            written.push(next);
+        }
+        // What is wider than the room begins where it does.
+        let wide = Rect::from_min_size(pos2(-40.0, 0.0), vec2(300.0, 10.0));
+        assert_eq!(wide.translate(held_in(wide, room)).left(), 0.0);
     }
 
     #[test]

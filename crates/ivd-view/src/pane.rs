@@ -1,5 +1,7 @@
 //! A pane: its picture with what lies over it, and what hands do in it.
 
+use std::cell::RefCell;
+
 use egui::accesskit::Role;
 use egui::{
     Color32, CursorIcon, Event, EventFilter, Key, MouseWheelUnit, PointerButton, Pos2, Rect, Response, Sense,
@@ -78,7 +80,8 @@ impl Window {
         let line = self.hands.line(pane);
         let (shown, tool, pointed) = (&self.shown, self.tool, self.pointed);
         let is_at_work = self.hands.pane() == Some(pane);
-        Over { painter: &painter, pane, rect, room, shown, tool, pointed, is_at_work, line }.draw();
+        let written = RefCell::default();
+        Over { painter: &painter, pane, rect, room, shown, tool, pointed, is_at_work, line, written }.draw();
         if self.is_over_line(ui, &response, room) {
             ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
         } else if matches!(self.tool, Tool::Incise | Tool::Bone | Tool::Measure) && response.hovered() {

@@ -28,8 +28,10 @@ pub(crate) struct Word {
     pub(crate) is_problem: bool,
     /// The same with its figures.
     pub(crate) exactly: Option<String>,
-    /// Whether voxels that follow smoothest may come further.
-    pub(crate) smoothest: bool,
+    /// How voxels may follow instead.
+    pub(crate) instead: Option<MapName>,
+    /// Whether it is of a hand that is ahead: once it isn't, that is over.
+    pub(crate) is_ahead: bool,
     /// Whether it stays until something else is told, or something is followed.
     pub(crate) stays: bool,
 }
@@ -40,7 +42,15 @@ impl Word {
     }
 
     pub(crate) fn of(text: String) -> Self {
-        Self { text, until: None, is_problem: false, exactly: None, smoothest: false, stays: false }
+        Self {
+            text,
+            until: None,
+            is_problem: false,
+            exactly: None,
+            instead: None,
+            is_ahead: false,
+            stays: false,
+        }
     }
 }
 
@@ -142,7 +152,10 @@ impl Window {
                 Some(word) if answers || before.as_ref() != Some(&word.text) => self.word = Some(word),
                 Some(_) => {}
                 // It can be read after the hand has let go.
-                None => self.word.iter_mut().for_each(|word| word.stays = false),
+                None => {
+                    self.word.take_if(|word| word.is_ahead);
+                    self.word.iter_mut().for_each(|word| word.stays = false);
+                }
             }
             self.shown.frame(frame, context);
         }
@@ -235,10 +248,12 @@ impl Window {
             return;
         };
         let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
-        let (text, exactly, smoothest) = (word.text.clone(), word.exactly.clone(), word.smoothest);
-        let is_nearest = self.shown.figures().is_some_and(|figures| figures.map == "octree");
+        let (text, exactly) = (word.text.clone(), word.exactly.clone());
+        let now = self.shown.figures().map_or("", |figures| figures.map);
+        let instead = word.instead.filter(|map| map.key() != now);
         let chosen = ui.horizontal_centered(|ui| {
-            let chosen = smoothest && is_nearest && ui.button("Follow smoothest").clicked();
+            let offered = |map: MapName| ui.button(format!("Follow {}", map.word())).clicked();
+            let chosen = instead.is_some_and(offered);
             // A warning has room beside it.
             let share = if self.is_warned() { 0.6 } else { 1.0 };
             let room = share * ui.available_width();
@@ -252,18 +267,18 @@ impl Window {
             self.warning(ui);
             chosen
         });
-        let chosen = chosen.inner;
-        if chosen {
+        if let Some(map) = instead.filter(|_| chosen.inner) {
             self.word = None;
-            self.ask(Request::Map { map: MapName::Biharmonic });
+            self.ask(Request::Map { map });
         }
     }
 }
 
 /// Why something wasn't followed.
 fn refusal(figures: &Figures) -> Option<Word> {
-    let Refused { why, exactly, smoothest, ahead_mm } = figures.refused.as_ref()?;
-    let ahead = if *ahead_mm > 0.0 { format!("The hand is {ahead_mm:.1} mm ahead: ") } else { String::new() };
+    let Refused { why, exactly, instead, ahead_mm } = figures.refused.as_ref()?;
+    let is_ahead = *ahead_mm > 0.0;
+    let ahead = if is_ahead { format!("The hand is {ahead_mm:.1} mm ahead: ") } else { String::new() };
     let word = Word::problem(format!("{ahead}{why}"));
-    Some(Word { exactly: exactly.clone(), smoothest: *smoothest, stays: true, ..word })
+    Some(Word { exactly: exactly.clone(), instead: *instead, is_ahead, stays: true, ..word })
 }

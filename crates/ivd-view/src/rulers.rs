@@ -92,7 +92,12 @@ fn told(figures: &Figures, now: f64, rest: f64, unit: &str) -> String {
     }
 }
 
-/// A length of a ruler.
+/// A length of a ruler, as the body is shown (mm).
+pub(crate) fn shown_mm(figures: &Figures, ruler: &Ruler, leg: usize) -> f64 {
+    if is_rest(figures) { ruler.rest_mm[leg] } else { ruler.mm[leg] }
+}
+
+/// A length of a ruler, with what it was.
 pub(crate) fn mm(figures: &Figures, ruler: &Ruler, leg: usize) -> String {
     told(figures, ruler.mm[leg], ruler.rest_mm[leg], " mm")
 }

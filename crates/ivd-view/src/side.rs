@@ -27,7 +27,7 @@ const STIFFEST: f64 = 1e5;
 /// What a radius means.
 const RADIUS: &str = "As far round the handle the surface goes along, less the further away it is. It is that of the handle that was worked on last; a new one begins with the radius that was set last";
 /// What the lattice's level means.
-const LEVEL: &str = "How coarse the net of triangles is that is pulled: 0 is the finest and slowest, each further level has about a quarter of the vertices";
+const LEVEL: &str = "How coarse the net of triangles is that is pulled: 0 is the finest and slowest, each further level has about a quarter of the vertices, until what is left is needed for its shape. How many there are stands below the pictures";
 
 impl Window {
     /// Shows the panel.
@@ -142,7 +142,7 @@ impl Window {
 
     /// How the voxels follow.
     fn follow(&mut self, ui: &mut Ui, figures: &Figures) {
-        let now = MapName::ALL.into_iter().find(|map| format!("{map:?}").eq_ignore_ascii_case(figures.map));
+        let now = MapName::ALL.into_iter().find(|map| map.key() == figures.map);
         let now = self.awaited.map(now);
         let shown = (now, now.map_or(figures.map, MapName::word));
         if let Some(map) =

@@ -167,9 +167,14 @@ fn told(figures: &Figures) -> String {
 
 /// What is to be known before what is seen is trusted: how much is squeezed, how far voxels stay behind, and how far what moves leaves the scan.
 fn warned(figures: &Figures) -> [Option<String>; 3] {
-    let smoothest = if figures.map == "octree" { " (smoothest squeezes less)" } else { "" };
+    // Springs squeeze more than any way that voxels follow by.
+    let less = match (figures.solver, figures.map) {
+        ("ring", "octree") => " (smoothest squeezes less)",
+        ("ring", _) => "",
+        _ => " (by distance alone it is squeezed less)",
+    };
     let squeezed = (figures.min_det_j < SQUEEZED)
-        .then(|| format!("squeezed somewhere to {} % of its volume{smoothest}", percent(figures.min_det_j)));
+        .then(|| format!("squeezed somewhere to {} % of its volume{less}", percent(figures.min_det_j)));
     let left = (figures.behind > BEHIND)
         .then(|| format!("voxels up to {:.1} mm behind the surface that is pulled", figures.left_mm));
     let cut_off = (figures.cut_off_mm > GONE)

@@ -26,7 +26,8 @@ impl Waits {
     /// Something more is asked for; whether it does more than look. What is worked on is what was asked first that does.
     pub(crate) fn ask(&mut self, request: &Request) -> bool {
         let does = doing(request);
-        if self.does == DRAWING && does != DRAWING {
+        // What is given up isn't gone on with.
+        if (self.does == DRAWING && does != DRAWING) || *request == Request::Abandon {
             (self.does, self.since) = (does, Instant::now());
         }
         does != DRAWING
@@ -67,7 +68,6 @@ fn doing(request: &Request) -> &'static str {
         Request::Grab { .. }
         | Request::Drag { .. }
         | Request::Drop
-        | Request::Abandon
         | Request::Radius { .. }
         | Request::Wheel { .. }
         | Request::Add { .. }
@@ -96,6 +96,7 @@ fn doing(request: &Request) -> &'static str {
         | Request::SetBone { .. }
         | Request::Joint { .. }
         | Request::RemoveBone { .. } => "changing a bone",
+        Request::Abandon => "giving it up",
         Request::Undo => "undoing",
         Request::Redo => "doing it again",
         Request::Level { .. } => "changing the level",

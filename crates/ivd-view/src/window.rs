@@ -61,6 +61,8 @@ pub struct Window {
     pub(crate) typed: Typed,
     /// The handle that was worked on last, if it is there still.
     pub(crate) selected: Option<u32>,
+    /// Whether the list of handles is to have the keys.
+    pub(crate) to_handles: bool,
     /// Where a ruler begins that is put by keyboard (mm, RAS).
     pub(crate) ruler_from: Option<[f64; 3]>,
     /// Where a bone begins that is made by keyboard.
@@ -107,6 +109,7 @@ impl Window {
             seen: Seen::default(),
             typed: Typed::default(),
             selected: None,
+            to_handles: false,
             ruler_from: None,
             bone_from: None,
             photograph: None,

@@ -5,6 +5,8 @@ use std::process::Command;
 use ivd_faults::{Fault, Operation, Outcome, run};
 use tempfile::TempDir;
 
+use crate::hostile::case::every;
+
 /// A folder with inputs, an output folder `out` and maybe a cache `cache`.
 pub(crate) struct Job {
     name: String,
@@ -104,18 +106,24 @@ impl Job {
         }
     }
 
-    /// Runs the command with every fault at every operation. Outputs must be old, new or absent each; the run after
+    /// Runs the command with every fault at every operation, of two faults one after the other in turn unless `IVD_STRESS_EVERY` is 1. Outputs must be old, new or absent each; the run after
     /// it, without a fault, must give what a run without any gives.
     pub(crate) fn try_all(&self, words: &[String], faults: &[Fault]) -> Verdict {
-        self.try_where(words, faults, |_| true)
+        self.try_where(words, faults, if faults.len() == 2 { every(2) } else { 1 }, |_| true)
     }
 
     /// As [`Job::try_all`], at writes alone.
     pub(crate) fn try_writes(&self, words: &[String], faults: &[Fault]) -> Verdict {
-        self.try_where(words, faults, |operation| operation.what == "write" && operation.bytes > 1)
+        self.try_where(words, faults, 1, |operation| operation.what == "write" && operation.bytes > 1)
     }
 
-    fn try_where(&self, words: &[String], faults: &[Fault], at: impl Fn(&Operation) -> bool) -> Verdict {
+    fn try_where(
+        &self,
+        words: &[String],
+        faults: &[Fault],
+        every: usize,
+        at: impl Fn(&Operation) -> bool,
+    ) -> Verdict {
         let old = self.files("out", false);
         self.restore(&old);
         let plain = self.trace(words, None);
@@ -123,7 +131,7 @@ impl Job {
         let new = self.files("out", false);
         let mut verdict = Verdict::default();
         for (n, operation) in plain.operations.iter().enumerate().filter(|(_, operation)| at(operation)) {
-            for &fault in faults {
+            for (_, &fault) in faults.iter().enumerate().filter(|(of, _)| (n + of) % every == 0) {
                 self.restore(&old);
                 let case = format!("{}: {fault:?} at {} of {operation:?}", self.name, n + 1);
                 let outcome = self.trace(words, Some((n + 1, fault)));

@@ -81,7 +81,7 @@ fn a_pipeline_goes_on_without_its_cache_and_not_without_its_outputs() {
         &[ENOSPC, EIO],
     );
     assert!(found.uncached > 20, "writes of the cache that failed and didn't matter: {found:?}");
-    assert!(found.refused > 20 && found.runs > 100, "{found:?}");
+    assert!(found.refused > 20 && found.runs > 50, "{found:?}");
 }
 
 #[test]

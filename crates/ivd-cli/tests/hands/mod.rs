@@ -57,7 +57,7 @@ fn assert_as_piped(hands: &Hands) -> bool {
 #[test]
 fn scripts_through_a_service_that_is_held_up_end_where_another_process_does() {
     let (mut draw, mut coverage) = (Draw(23), Coverage::default());
-    let scripts = 200 / every(20);
+    let scripts = (200 / every(40)).max(1);
     let (mut deformed, mut anew) = (0, 0);
     for script in 0..scripts {
         let scene = format!("{BALL}{}", ["", BONED, OPENED][script % 3]);

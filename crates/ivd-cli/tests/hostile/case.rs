@@ -136,6 +136,26 @@ pub(crate) fn run_all(cases: Vec<Case>) -> usize {
     each_in_a_folder(&cases, Case::check).len()
 }
 
+/// Of cases that a rule makes by the hundred runs one of three, of what is tried in several forms each in turn, and all where `IVD_STRESS_EVERY` is 1;
+/// tells all that went wrong. Gives how many there are.
+pub(crate) fn run_share(cases: Vec<Case>) -> usize {
+    let (every, all) = (every(3), cases.len());
+    let tried: Vec<Case> = cases
+        .into_iter()
+        .enumerate()
+        .filter(|(i, _)| (i + i / every) % every == 0)
+        .map(|(_, case)| case)
+        .collect();
+    each_in_a_folder(&tried, Case::check);
+    all
+}
+
+/// One case of so many is tried, all where `IVD_STRESS_EVERY` is 1; `usual`: without it.
+pub(crate) fn every(usual: usize) -> usize {
+    let said = std::env::var("IVD_STRESS_EVERY").map_or(Ok(usual), |text| text.parse());
+    said.ok().filter(|every| *every > 0).expect("IVD_STRESS_EVERY is a number from 1 on")
+}
+
 /// Checks every case in a folder of its own, as many at once as there are processors, and tells all that went wrong. Gives what
 /// the checks found, in no order.
 pub(super) fn each_in_a_folder<C: Sync, T: Send>(

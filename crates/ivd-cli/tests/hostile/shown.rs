@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use ivd_core::shown;
 use serde_json::{Value, json};
 
-use crate::hostile::case::each_in_a_folder;
+use crate::hostile::case::{each_in_a_folder, every};
 use crate::hostile::{artefacts, dicom, good, pictures};
 
 /// All of them. What a reader of words may cut at stands in a text of its own, so that it can't keep the others from being read.
@@ -475,7 +475,7 @@ pub(crate) fn check(group: &str) {
         ("words", words),
     ]);
     // The text of most characters stands in every field, those of one character in every eighth, other eighths each.
-    let every = std::env::var("IVD_STRESS_EVERY").map_or(8, |text| text.parse().unwrap());
+    let every = every(8);
     let of_text = |(i, text): (usize, &String)| {
         let fields = groups[group](text).into_iter().enumerate();
         fields.filter(move |(field, _)| i == 0 || (i + field) % every == 0).map(|(_, case)| case)

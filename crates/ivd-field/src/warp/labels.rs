@@ -31,8 +31,19 @@ pub fn labels(
     })
 }
 
+/// Share of the voxels that are 0, at least, where 0 is what lies about the parts and not a few voxels without data.
+const ABOUT: f64 = 0.01;
+
+/// Whether the labels are parts in what is no part: then nothing else comes from outside.
+fn have_nothing_about(labels: &Labels) -> bool {
+    use rayon::prelude::*;
+    let none = labels.ids().par_iter().filter(|id| **id == NO_DATA).count();
+    none > 0 && none as f64 >= ABOUT * labels.ids().len() as f64
+}
+
 pub(crate) fn label_background(labels: &Labels, params: &WarpParams) -> Result<u16, Error> {
     match params.background {
+        None if have_nothing_about(labels) => Ok(NO_DATA),
         None => {
             let lowest =
                 labels.classes().iter().filter(|c| c.id != NO_DATA).min_by(|a, b| a.mean.total_cmp(&b.mean));

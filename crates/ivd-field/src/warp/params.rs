@@ -22,7 +22,7 @@ pub struct WarpParams {
     #[schemars(extend("x-knob" = "accuracy"))]
     pub order: Order,
     /// Real value (for labels an id) of voxels that come from outside the volume or from missing data, or that a part has moved away from. Without it
-    /// the smallest real value of the volume; for labels the class with the lowest mean.
+    /// the smallest real value of the volume; for labels 0 where at least a hundredth of them is 0, else the class with the lowest mean.
     #[schemars(extend("x-unit" = "real units"))]
     pub background: Option<f64>,
 }

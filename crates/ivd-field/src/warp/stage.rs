@@ -1,6 +1,6 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Memory, Method, Op, Place, Stage, Voxelwise, method};
+use ivd_core::op::{Failure, Memory, Method, Op, Place, PlaceKind, Stage, Voxelwise, method};
 use ivd_core::{Artefact, Displacement, Exec, Value, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,9 +22,10 @@ pub const STAGE: Stage = Stage {
     quiet: false,
     memory: Memory { voxel: 12, reached: 0, triangle: 0 },
 };
-/// What a displacement does to a value that goes along with the volume, where an output asks for it.
+/// What a displacement does to a value that goes along with the volume, where an output asks for it: what is said of the volume's background
+/// is none of its.
 const fn carried(from: &'static [(&'static str, &'static str)], gives: &'static str) -> Place {
-    Place { from, for_outputs: true, ..Place::only(gives) }
+    Place { from, kind: PlaceKind::Fixed { method: &METHODS[0] }, for_outputs: true, ..Place::only(gives) }
 }
 
 const METHODS: &[Method] = &[method::<WarpParams>("")];
@@ -52,7 +53,7 @@ fn told<V: Value>(warped: Warped<V>) -> (Artefact, WarpFigures) {
 }
 
 impl Op for WarpParams {
-    const REVISION: u32 = 2;
+    const REVISION: u32 = 3;
     type Inputs<'a> = WarpInputs<'a>;
     type Output = Artefact;
     type Figures = WarpFigures;

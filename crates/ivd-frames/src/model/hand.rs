@@ -55,6 +55,15 @@ impl Model {
         let now = vertex.map(|pick| self.now_at(&pick));
         let volume = self.session.whole();
         let grid = volume.grid();
+        // In slices that a handle there wouldn't reach nothing would be seen of it.
+        let shown_at = now.map_or([None; 4], |now| {
+            let reached = self.panes.planes.reached(grid, self.panes.planes.off(grid, now), self.radius);
+            let at = self.panes.shares(grid, &self.lens, now);
+            Pane::ALL.map(|in_pane| {
+                let is_shown = in_pane == Pane::Volume || in_pane == pane || reached[in_pane.number()];
+                at[in_pane.number()].filter(|_| is_shown)
+            })
+        });
         Ok(Some(Hovered {
             pane,
             place,
@@ -63,7 +72,7 @@ impl Model {
             class: self.class_at(rest),
             handle: self.handle_at(pane, at),
             vertex: vertex.map(|pick| pick.at),
-            vertex_at: now.map_or([None; 4], |now| self.panes.shares(grid, &self.lens, now)),
+            vertex_at: shown_at,
             away_mm: vertex.map(|pick| pick.away()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
@@ -132,8 +141,9 @@ impl Model {
         }
         let across = self.panes.across(pane, &grid, &self.lens, place);
         let is_new = taken.is_none();
-        let (wanted, share, late) = (by, 0.5, false);
-        self.drag = Some(Drag { handle, from: at, by, across, is_new, out: None, wanted, share, late });
+        let (wanted, share, late, meets) = (by, 0.5, false, pane == Pane::Volume);
+        self.drag =
+            Some(Drag { handle, from: at, by, across, is_new, out: None, wanted, share, late, meets });
         Ok(())
     }
 
@@ -151,8 +161,8 @@ impl Model {
                 let spot = || self.spots.iter().find(|spot| spot.id == drag.handle);
                 drag.out = drag.out.or_else(|| Some(spot()?.out?.into()));
                 let Some(out) = drag.out else {
-                    self.refused =
-                        Some(self.refusal("the surface has no side there: it has no in and out".to_owned()));
+                    let why = "it has no in and out: its vertex lies on no side of the surface, or at this level on another than it was put on; a lower level has a closer one";
+                    self.refused = Some(self.refusal(why.to_owned()));
                     return Ok(());
                 };
                 in_and_out(out, way, normal).unwrap_or_else(|| out * ((to[1] - drag.from[1]) * down.norm()))
@@ -163,8 +173,14 @@ impl Model {
         if (wanted - drag.wanted).norm() > self.noticeable() {
             (drag.share, drag.late) = (0.5, false);
         }
+        let meets = drag.meets && (wanted - drag.by).norm() > self.noticeable();
         drag.wanted = wanted;
+        drag.meets &= !meets;
         self.drag = Some(drag);
+        if meets {
+            // What is pressed from outside is watched in the slices.
+            self.meet_at_held();
+        }
         if self.is_ahead() {
             self.follow_hand()
         } else {

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{ClassRole, TransferFunction, VoxelCoord, World, srgb};
+use ivd_atf::matter_of_hounsfield;
+use ivd_core::{ClassRole, TransferEntry, TransferFunction, VoxelCoord, World, srgb};
 use ivd_render::{ClassLooks, Colour, Fit, Opacity, View};
 use serde_json::json;
 
@@ -166,16 +167,19 @@ impl Model {
 
     /// The classes, as they look.
     pub(crate) fn classes(&self) -> Vec<Class> {
-        let entries = self.by_class().map(TransferFunction::entries).unwrap_or_default();
-        let seen = entries.iter().filter(|entry| entry.role != ClassRole::Transition && entry.class > 0);
+        let seen = self.entries().filter(|entry| entry.role != ClassRole::Transition);
         let classes = seen.map(|entry| {
             let look = self.looks.get(&entry.class).cloned().unwrap_or_default();
             let [red, green, blue] = entry.rgb.map(srgb::byte);
             let known = self.subject.labels.as_ref().and_then(|labels| labels.class(entry.class));
             let voxel = self.session.rest().grid().voxel_volume();
+            let by_value = || {
+                let mean = known.map_or(f64::midpoint(entry.lower, entry.upper), |known| known.mean);
+                self.subject.is_tomography.then(|| matter_of_hounsfield(mean).to_owned())
+            };
             Class {
                 id: entry.class,
-                name: known.and_then(|known| known.name.clone()),
+                name: known.and_then(|known| known.name.clone()).or_else(by_value),
                 ml: known.map(|known| known.voxels as f64 * voxel * MILLILITRE),
                 values: [entry.lower, entry.upper],
                 hidden: look.hidden,
@@ -184,6 +188,18 @@ impl Model {
             }
         });
         classes.collect()
+    }
+
+    /// Classes that are only the transition between others.
+    pub(crate) fn transitions(&self) -> Vec<u16> {
+        let between = self.entries().filter(|entry| entry.role == ClassRole::Transition);
+        between.map(|entry| entry.class).collect()
+    }
+
+    /// What the colours say of classes.
+    fn entries(&self) -> impl Iterator<Item = &TransferEntry> {
+        let entries = self.by_class().map(TransferFunction::entries).unwrap_or_default();
+        entries.iter().filter(|entry| entry.class > 0)
     }
 
     /// The class of the voxel that is at a place at rest (mm, RAS), where classes are known.

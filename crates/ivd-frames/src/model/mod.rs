@@ -113,6 +113,8 @@ struct Drag {
     share: f64,
     /// Whether the way there takes longer than a hand waits for.
     late: bool,
+    /// Whether the slices are to meet there once it moves.
+    meets: bool,
 }
 
 impl Model {

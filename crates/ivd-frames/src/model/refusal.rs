@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use super::{Drag, Model, by_of};
 use crate::Error;
 use crate::figures::Refused;
+use crate::request::MapName;
 
 /// A hand that is ahead by less than so much of a voxel is where it wants to be.
 const AHEAD: f64 = 0.2;
@@ -33,19 +34,23 @@ impl Model {
         let is_late = exec.cancel.is_late();
         self.refused = Some(if is_late {
             let most = most.as_secs();
-            let other = match &self.session.settings().physics {
-                Physics::Springs(_) => "let the surface follow distance alone",
-                Physics::Ring(_) if !is_nearest => "let voxels follow what is nearest",
-                Physics::Ring(_) => "choose a higher level",
+            let (other, instead) = match &self.session.settings().physics {
+                Physics::Springs(_) => ("let the surface follow distance alone", None),
+                Physics::Ring(_) if !is_nearest => {
+                    ("let voxels follow what is nearest", Some(MapName::Octree))
+                }
+                Physics::Ring(_) => ("choose a higher level", None),
             };
-            self.refusal(format!("it would take more than {most} s; make the radius smaller, or {other}"))
+            let why = format!("it would take more than {most} s; make the radius smaller, or {other}");
+            Refused { instead, ..self.refusal(why) }
         } else if is_too_far(error) {
             let remedy = if is_nearest { "let voxels follow smoothest, take" } else { "take" };
             let when = if moves { "further on" } else { "by what is moved now" };
             let less = if moves { "move it less" } else { "move that less" };
             let why =
                 format!("{when}, voxels would fold or stay behind; {remedy} a larger radius, or {less}");
-            Refused { exactly: Some(error.to_string()), smoothest: is_nearest, ..self.refusal(why) }
+            let instead = is_nearest.then_some(MapName::Biharmonic);
+            Refused { exactly: Some(error.to_string()), instead, ..self.refusal(why) }
         } else {
             self.refusal(error.to_string())
         });
@@ -54,7 +59,7 @@ impl Model {
 
     /// A refusal for a reason.
     pub(super) fn refusal(&self, why: String) -> Refused {
-        Refused { why, exactly: None, smoothest: false, ahead_mm: self.ahead() }
+        Refused { why, exactly: None, instead: None, ahead_mm: self.ahead() }
     }
 
     /// How far the hand is from what it holds (mm).

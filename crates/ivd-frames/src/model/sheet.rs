@@ -1,9 +1,12 @@
 //! Which vertex a place on a surface means: one of the sheet that it lies on, and not one of the sheet behind that, which may be nearer where walls are thin
 //! and triangles large.
 
+use std::collections::BTreeMap;
+
 use ivd_core::Lattice;
 use ivd_core::geometry::closest_on_triangle;
 use ivd_motion::handles::{Anchor, Pick, find_picks};
+use ivd_session::Id;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -51,6 +54,8 @@ pub(super) struct Sides {
     /// The level that they are of.
     level: u8,
     known: Vec<Side>,
+    /// Of each handle, the first that was known.
+    first: BTreeMap<Id, Vector3<f64>>,
 }
 
 impl Sides {
@@ -70,8 +75,16 @@ impl Sides {
         (self.level, self.known) = (level, handles.map(of).collect());
     }
 
+    /// Out of the surface about a handle's vertex; `None` where that has no side, or is of another one than the handle's first: at a coarse level the
+    /// nearest vertex may be.
+    pub(super) fn of(&mut self, handle: Id, vertex: usize, radius: f64) -> Option<[f64; 3]> {
+        let out = self.out(vertex, radius)?;
+        let first = self.first.entry(handle).or_insert(out.into());
+        (first.dot(&Vector3::from(out)) > 0.0).then_some(out)
+    }
+
     /// Out of the surface about a vertex.
-    pub(super) fn out(&self, vertex: usize, radius: f64) -> Option<[f64; 3]> {
+    fn out(&self, vertex: usize, radius: f64) -> Option<[f64; 3]> {
         self.known.iter().find(|known| known.of == (vertex, radius))?.out
     }
 }
@@ -221,6 +234,15 @@ mod tests {
             .iter()
             .map(|at| (turned * (at - middle) + middle - at).into())
             .collect();
+        // A handle that was put on one side has no in and out where it takes a vertex of the other.
+        let [outer, inner] = [OUTER, INNER]
+            .map(|radius| vertex(&anchor(&lattice, [MIDDLE, MIDDLE, MIDDLE + radius], None)).vertex);
+        let mut sides = Sides::default();
+        for (level, taken, is_known) in [(3, outer, true), (4, inner, false), (5, outer, true)] {
+            sides.keep(&lattice, level, [(taken, 5.0)].into_iter());
+            assert_eq!(sides.of(0, taken, 5.0).is_some(), is_known, "level {level}");
+            assert!(sides.of(1 + u32::from(level), taken, 5.0).is_some(), "a handle of its own has a side");
+        }
         let (mut wrong, mut far) = (0, 0.0_f64);
         for n in 0..500 {
             // Spread evenly over a sphere by the golden angle.

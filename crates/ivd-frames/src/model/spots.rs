@@ -30,8 +30,10 @@ impl Model {
             settings.level,
             picks.iter().zip(&settings.handles).map(|(pick, one)| (pick.vertex, one.radius)),
         );
+        let outs = picks.iter().zip(&settings.handles);
+        let outs: Vec<_> = outs.map(|(pick, one)| self.sides.of(one.id, pick.vertex, one.radius)).collect();
         let alone = settings.space.is_empty() && settings.shapes.is_empty();
-        let spots = settings.handles.iter().zip(picks).map(|(one, pick)| {
+        let spots = settings.handles.iter().zip(picks).zip(outs).map(|((one, pick), out)| {
             let now = self.now_at(&pick);
             let voxels = self.session.moved(pick.at);
             let (by, with) = match one.action {
@@ -48,7 +50,7 @@ impl Model {
                 radius: one.radius,
                 at: [None; 4],
                 off: [0.0; 3],
-                out: self.sides.out(pick.vertex, one.radius),
+                out,
                 inwards: [None; 4],
                 gone: alone.then(|| std::array::from_fn(|a| voxels[a] - pick.at[a])),
                 seen: [false; 4],

@@ -52,6 +52,7 @@ impl Figures {
             hovered: model.hovered.clone(),
             slices: model.told_slices(),
             classes: model.classes(),
+            transitions: model.transitions(),
             unsaved: model.is_unsaved(),
             overlay: model.overlay,
             window: [model.window.low, model.window.high],

@@ -33,6 +33,8 @@ fn what_is_held_goes_with_the_pointer_and_is_one_step() {
         }
         let dragged = model.figures();
         assert_eq!(dragged.refused, None);
+        let is_met = dragged.handles[0].off.iter().all(|off| off.abs() <= 2.0);
+        assert!(is_met || pane != Pane::Volume, "what is pressed from outside is seen in the slices");
         let after = dragged.handles[0].at[pane.number()].unwrap();
         let way = [0, 1].map(|a| (after[a] - before[a]) - (to[a] - at[a]));
         assert!(way[0].hypot(way[1]) < 1e-6, "{pane:?} off by {way:?}");
@@ -50,6 +52,20 @@ fn what_is_held_goes_with_the_pointer_and_is_one_step() {
         assert!(undone.handles.is_empty() && undone.redo.is_some());
         assert_eq!(model.session().deformed(), &rest);
     }
+}
+
+#[test]
+fn what_a_handle_would_take_is_shown_in_slices_that_it_would_reach() {
+    let mut model = model(BALL);
+    follow(&mut model, &Request::Radius { handle: None, radius: 3.0 });
+    let at = [0.5, 0.5];
+    let far = follow(&mut model, &Request::Hover { pane: Pane::Volume, at }).hovered.unwrap();
+    // From in front the slices through the middle meet its skin there, but for the coronal one.
+    assert_eq!(far.vertex_at.map(|at| at.is_some()), [true, true, false, true], "{far:?}");
+    let cross = Request::Cross { pane: Pane::Axial, at: far.at[Pane::Axial.number()].unwrap() };
+    follow(&mut model, &cross);
+    let near = follow(&mut model, &Request::Hover { pane: Pane::Volume, at }).hovered.unwrap();
+    assert!(near.vertex_at.iter().all(Option::is_some), "{near:?}");
 }
 
 #[test]
@@ -176,8 +192,12 @@ fn panes_that_nothing_touches_stay_as_they_are() {
     follow(&mut model, &Request::Slice { pane: Pane::Axial, steps: 14 });
     let (before, slices) =
         (model.versions(), Pane::ALL.map(|pane| model.draw(pane, 1, &Exec::default()).unwrap()));
-    follow(&mut model, &Request::Grab { pane: Pane::Volume, at: [0.5, 0.6] });
-    follow(&mut model, &Request::Drag { to: [0.52, 0.62], lock: None });
+    // In a slice: what is pressed in the volume brings the slices there.
+    let at =
+        follow(&mut model, &Request::Hover { pane: Pane::Volume, at: [0.5, 0.6] }).hovered.unwrap().vertex_at;
+    let from = at[Pane::Sagittal.number()].unwrap();
+    follow(&mut model, &Request::Grab { pane: Pane::Sagittal, at: from });
+    follow(&mut model, &Request::Drag { to: from.map(|c| c + 0.02), lock: None });
     let after = model.versions();
     let drawn = Pane::ALL.map(|pane| model.draw(pane, 1, &Exec::default()).unwrap());
     for pane in Pane::ALL.map(Pane::number) {

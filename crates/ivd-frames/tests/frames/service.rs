@@ -378,6 +378,52 @@ fn what_is_stopped_comes_to_nothing_and_what_is_asked_next_is_done() {
     drop(service);
 }
 
+/// Goes on, and gives up what is held, as soon as a solve begins, once; then counts solves.
+#[derive(Default)]
+struct GivesUp {
+    service: Mutex<Option<Service>>,
+    solves: AtomicUsize,
+}
+
+impl Observer for GivesUp {
+    fn begin(&self, task: &'static str, _: u64) {
+        let service = self.service.lock().unwrap();
+        if task == "ring"
+            && let Some(service) = &*service
+            && self.solves.fetch_add(1, Ordering::Relaxed) == 0
+        {
+            service.ask(1, Request::Drag { to: [0.6, 0.6], lock: None });
+            service.ask(1, Request::Abandon);
+        }
+    }
+}
+
+#[test]
+fn what_a_hand_gives_up_is_not_followed_to_its_end() {
+    let (sender, outputs) = channel();
+    let gives = Arc::new(GivesUp::default());
+    let exec = Exec::default().with_observer(gives.clone());
+    let open = move |tell: &Tell| {
+        let subject = Subject::open(&loaded(BALL), false, &Cache::disabled(), &exec, tell)?;
+        Model::new(subject, [128, 128], exec)
+    };
+    let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    let first = frame(&outputs, |_| true);
+    service.ask(1, Request::Grab { pane: Pane::Volume, at: [0.5, 0.5] });
+    let held = frame(&outputs, |frame| frame.figures.held.is_some());
+    assert_eq!(held.figures.handles.len(), 1);
+    *gives.service.lock().unwrap() = Some(service);
+    let ask = |request| assert!(gives.service.lock().unwrap().as_ref().unwrap().ask(1, request));
+    ask(Request::Drag { to: [0.55, 0.55], lock: None });
+    let given_up = frame(&outputs, |frame| frame.figures.held.is_none());
+    assert_eq!((given_up.figures.handles.len(), &given_up.figures.refused), (0, &None));
+    assert_eq!(given_up.figures.undo, first.figures.undo);
+    // The place where the hand had gone on to wasn't tried, nor any closer one.
+    assert_eq!(gives.solves.load(Ordering::Relaxed), 1);
+    let service = gives.service.lock().unwrap().take();
+    drop(service);
+}
+
 #[test]
 fn a_file_that_is_asked_for_while_something_is_opened_comes_whatever_is_given_up() {
     let (sender, outputs) = channel();

@@ -169,7 +169,7 @@ mod tests {
             (state >> 33) as f64 / (1_u64 << 31) as f64
         };
         let mut tubes = 0;
-        for round in 0..72 {
+        for round in 0..36 {
             // Opposite corners, opposite edges, and any signs.
             let signs = [0x81_u8, 0x7E, 0xC3, 0x3C, 0x69, (random() * 256.0) as u8][round % 6];
             let levels: [f64; 8] =
@@ -191,7 +191,7 @@ mod tests {
             assert!(found >= finest, "{levels:?}");
             tubes += usize::from(found == finest);
         }
-        assert!(tubes > 24, "{tubes}");
+        assert!(tubes > 12, "{tubes}");
     }
 
     #[test]

@@ -9,7 +9,7 @@
 //!
 //! - Ω and its window `ω` are those of [the page above](super): 1 in the handles' balls, 0 with its slope on ∂Ω.
 //! - `r` is trilinear on cells of 4³ voxels ([`BiharmonicParams::cell`]), fewer along axes of long voxels and in a small Ω,
-//!   eight along short ones where slices lie as far apart. The
+//!   eight along short ones where slices lie eight of these apart. The
 //!   integral is the discrete one of [`energy`], in world space; the sum is over the vertices, at their places between the
 //!   nodes. Nodes on ∂Ω and beyond it are held at 0, and the second differences that reach them count, so that `r` falls to 0
 //!   with its slope, over the whole way from the surface to ∂Ω. Nothing is asked at the lattice but that the field follows

@@ -498,6 +498,10 @@ fn tensions_are_ruled_out_as_if_every_field_were_found_to_the_end() {
     for cell in [Some(1), Some(2), None] {
         for (ball_radius, radius) in [(6.0, 3.5), (6.0, 5.0), (10.0, 6.0), (10.0, 9.0), (13.0, 12.0)] {
             for length in [0.3, 1.0, -1.0, 2.0] {
+                if cell == Some(1) && radius > 5.0 && length != 2.0 {
+                    // Eight times the nodes of cells of two, and nothing that these don't show.
+                    continue;
+                }
                 let scene = bumped(ball_radius, radius, length);
                 let params =
                     BiharmonicParams { cell, band: Band { tolerance: 1.0, ..smooth().band }, ..smooth() };
@@ -514,7 +518,7 @@ fn tensions_are_ruled_out_as_if_every_field_were_found_to_the_end() {
             }
         }
     }
-    eprintln!("{under_tension} of 60 under tension, {rough} not found to the end without");
+    eprintln!("{under_tension} of 51 under tension, {rough} not found to the end without");
     assert!(rough >= 10 && under_tension >= rough, "{rough}, {under_tension}");
 }
 

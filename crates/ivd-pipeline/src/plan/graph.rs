@@ -279,6 +279,11 @@ impl Plan {
         let found: Vec<usize> = (0..self.nodes.len())
             .filter(|&at| self.nodes[at].id.stage == stage && self.nodes[at].stage.is_some())
             .collect();
+        let idle = self.nodes.iter().position(|node| node.id.stage == stage && node.idle.is_some());
+        if let Some(at) = idle.filter(|_| found.is_empty()) {
+            let why = self.why_idle(at);
+            return Err(Error::usage("pipeline", format!("--until {stage}: there is nothing to do: {why}")));
+        }
         if found.is_empty() {
             let known = stage_names();
             return Err(Error::usage(
@@ -482,11 +487,12 @@ fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earli
     let id = NodeId { stage: stage.name, variant: place.variant };
     let mut node = PlanNode { is_quiet: stage.quiet, ..PlanNode::new(id, *place) };
     if let Some(idle) = unasked(scene, stage, place) {
-        (node.idle, node.is_quiet) = (Some(idle), node.is_quiet || place.for_outputs);
+        (node.idle, node.is_quiet) = (Some(idle), node.is_quiet || !place.variant.is_empty());
         return node;
     }
     let is_written = |id: NodeId| {
-        scene.sections().iter().any(|section| section.stage().name == id.stage && section.written().is_some())
+        let of = |section: &Section| section.stage().name == id.stage && section.written().is_some();
+        id == NodeId::LABELS || scene.sections().iter().any(of)
     };
     let asked = scene.section(stage).filter(|section| is_asked(section, place));
     let Some(section) = asked.and_then(|section| section.at(place)) else {

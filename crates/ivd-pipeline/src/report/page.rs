@@ -13,12 +13,13 @@ use ivd_segment::{AnyFigures, Figures};
 
 use super::data::ReportData;
 use super::deformation::{Moves, bones, class_volumes, deformation};
-use super::segmentation::{class_densities, segmentation};
+use super::segmentation::{class_densities, labelled, segmentation};
 use super::summary::summary;
 use crate::control::Decisions;
 use crate::pictures::png_bytes;
+use crate::plan::NodeId;
 use crate::scene::{Loaded, Picture};
-use crate::stages::{IMPORT, ImportFigures};
+use crate::stages::{IMPORT, ImportFigures, LabelsOfFigures};
 use crate::{Error, OutputFile, StageRecord, State, figures_of};
 
 /// The report of a run, self-contained.
@@ -49,14 +50,21 @@ pub(crate) fn html(
     page.section("Volume", &body_or_problem(volume_table(records)));
     let segment = records.iter().find(|r| r.stage == ivd_segment::STAGE.name && r.output.is_some());
     let found = segment.map(StageRecord::figures::<Figures<AnyFigures>>);
+    let of_file = records.iter().find(|r| r.stage == IMPORT && r.variant == NodeId::LABELS.variant);
+    let of_file = of_file.map(StageRecord::figures::<LabelsOfFigures>);
     if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
         let readable = found.as_ref().and_then(|found| found.as_ref().ok());
-        let classes = readable.map(|found| class_densities(found, data)).unwrap_or_default();
+        let own = readable.map(|found| &found.common.classes[..]);
+        let given = of_file.as_ref().and_then(|found| found.as_ref().ok()).map(|found| &found.classes[..]);
+        let classes = own.or(given).map(|classes| class_densities(classes, data)).unwrap_or_default();
         let chart = exec.run(|| value_histogram(volume, data.transfer.as_ref(), &classes));
         page.section("Histogram, classes and transfer function", &chart);
     }
-    if let Some((segment, found)) = segment.zip(found) {
-        let mut body = body_or_problem(found.map(|found| segmentation(segment, &found, data)));
+    let own =
+        segment.zip(found).map(|(segment, found)| found.map(|found| segmentation(segment, &found, data)));
+    let given = of_file.map(|found| found.map(|found| labelled(&found, data)));
+    if let Some(found) = own.or(given) {
+        let mut body = body_or_problem(found);
         if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
             body += &slices(volume, &data.class_slices, lettered, png_bytes)?;
         }

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::colours::class_colour;
 use super::data::ReportData;
 use crate::StageRecord;
+use crate::stages::LabelsOfFigures;
 
 /// How the classes were found, with the curves that their number was read from, and a table of them.
 pub(super) fn segmentation(segment: &StageRecord, found: &Figures<AnyFigures>, data: &ReportData) -> String {
@@ -70,8 +71,20 @@ fn classes(list: &[ClassFigures], data: &ReportData) -> String {
     shortened_table(head, list.iter().enumerate().map(row))
 }
 
+/// What labels of another program are, and a table of their classes.
+pub(super) fn labelled(found: &LabelsOfFigures, data: &ReportData) -> String {
+    let rows = [
+        ("found by", "another program".to_owned()),
+        ("classes", found.classes.len().to_string()),
+        ("voxels with a label", found.put.voxels_filled.to_string()),
+        ("voxels of the scan outside of the file", found.put.voxels_without_source.to_string()),
+        ("labelled voxels outside of the scan", found.put.voxels_left_out.to_string()),
+    ];
+    pairs(&rows) + &classes(&found.classes, data)
+}
+
 /// The classes as the histogram draws them.
-pub(super) fn class_densities(found: &Figures<AnyFigures>, data: &ReportData) -> Vec<ClassDensity> {
+pub(super) fn class_densities(classes: &[ClassFigures], data: &ReportData) -> Vec<ClassDensity> {
     let density = |(rank, class): (usize, &ClassFigures)| ClassDensity {
         mean: class.mean,
         sd: class.sd,
@@ -79,5 +92,5 @@ pub(super) fn class_densities(found: &Figures<AnyFigures>, data: &ReportData) ->
         upper: class.upper,
         colour: class_colour(rank, class.id, data.transfer.as_ref()),
     };
-    found.common.classes.iter().enumerate().map(density).collect()
+    classes.iter().enumerate().map(density).collect()
 }

@@ -58,6 +58,9 @@ pub(super) fn summary(
 fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static str, String)>, Error> {
     let scene = &loaded.scene;
     let mut rows = vec![("input", input(loaded))];
+    // Folders may carry a patient's name.
+    let labels = scene.input.labels.as_ref().and_then(|file| file.file_name());
+    rows.extend(labels.map(|name| ("labels", name.to_string_lossy().into_owned())));
     if let Some(found) = figures_of::<ImportFigures>(records, IMPORT)? {
         let spacing = found.spacing.map(number).join(" × ");
         rows.push((

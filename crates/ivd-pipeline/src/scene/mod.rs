@@ -238,6 +238,15 @@ impl Scene {
         }
         self.check_frames()?;
         self.output.check_endings()?;
+        let files = self.output.files();
+        for (at, (name, path)) in files.iter().enumerate() {
+            if let Some((other, _)) = files[..at].iter().find(|(_, other)| other == path) {
+                return Err(format!(
+                    "output.{other} and output.{name} are both {}; name two files",
+                    path.display()
+                ));
+            }
+        }
         for (name, path) in self.output.files() {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
                 return Err(format!(
@@ -371,6 +380,13 @@ impl Scene {
         if self.section(&ivd_segment::STAGE).is_some_and(|section| section.written().is_some()) {
             return Err(
                 "input.labels gives the labels that [segment] would find; give one of them".to_owned()
+            );
+        }
+        if self.clips_input() {
+            return Err(
+                "input.labels and clip.of = \"input\": labels of the whole scan don't fit what is left of it; clip the result (clip.of = \"result\"), or \
+                 clip scan and labels by `ivd clip` first"
+                    .to_owned(),
             );
         }
         Ok(())

@@ -3,6 +3,9 @@ use std::path::PathBuf;
 use ivd_artefact::Kind;
 use ivd_core::op::{Slots as _, Voxelwise, schema_of};
 use ivd_core::{Exec, Labels, Value as _, Volume, slots};
+use ivd_segment::ClassFigures;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::onto::labels_on;
@@ -19,6 +22,16 @@ pub struct ImportLabelsOf {
 slots! {
     /// Whose labels they are.
     struct Given<'a> { volume: &'a Volume }
+}
+
+/// What labels of a scan come to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LabelsOfFigures {
+    /// On the scan's grid.
+    #[serde(flatten)]
+    pub put: PutOntoFigures,
+    /// Their classes, with what the scan holds there.
+    pub classes: Vec<ClassFigures>,
 }
 
 impl ImportLabelsOf {
@@ -38,7 +51,7 @@ impl Stage for ImportLabelsOf {
             revision: 1,
             inputs: Given::SLOTS,
             output: Some(Kind::Labels),
-            figures: schema_of::<PutOntoFigures>,
+            figures: schema_of::<LabelsOfFigures>,
         }
     }
 
@@ -51,8 +64,8 @@ impl Stage for ImportLabelsOf {
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
-        let read = serde_json::from_value::<PutOntoFigures>(Value::Object(figures.figures.clone()));
-        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.remark())
+        let read = serde_json::from_value::<LabelsOfFigures>(Value::Object(figures.figures.clone()));
+        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.put.remark())
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {
@@ -62,7 +75,8 @@ impl Stage for ImportLabelsOf {
         let labels = Labels::of(&given).ok_or_else(|| {
             Error::usage(IMPORT, format!("input.labels became a {kind} artefact; give labels"))
         })?;
-        let (labels, figures) = labels_on(labels, Voxelwise::Volume(volume), exec)?;
-        Ok(StageOutput::new(labels, &figures))
+        let (labels, put) = labels_on(labels, Voxelwise::Volume(volume), exec)?;
+        let classes = labels.classes().iter().map(ClassFigures::from).collect();
+        Ok(StageOutput::new(labels, &LabelsOfFigures { put, classes }))
     }
 }

@@ -30,7 +30,7 @@ pub use import_field::{ImportField, ImportFieldFigures};
 pub use imported_lattice::ImportedLattice;
 pub use ivd_field::clip::ClipFigures;
 pub use ivd_field::combine::CombineFigures;
-pub use labels_of::ImportLabelsOf;
+pub use labels_of::{ImportLabelsOf, LabelsOfFigures};
 pub use lattice_parts::part_lattices;
 pub use onto::{PutOnto, PutOntoFigures};
 pub use operand::ImportOperand;

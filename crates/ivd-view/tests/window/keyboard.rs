@@ -142,6 +142,50 @@ fn a_press_is_typed_as_how_far_it_goes_in_and_a_key_removes_it() {
 }
 
 #[test]
+fn a_key_leads_to_the_handles_and_undo_goes_past_a_field_that_nothing_was_typed_into() {
+    let mut here = Here::ball();
+    let has_keys =
+        |here: &Here, name: &str| here.harness.query_by_label(name).is_some_and(|node| node.is_focused());
+    let to_handles = |here: &mut Here| {
+        here.harness.key_press(Key::Escape);
+        here.harness.step();
+        here.harness.key_press(Key::F6);
+        here.harness.step();
+        here.harness.step();
+    };
+    to_handles(&mut here);
+    assert!(has_keys(&here, "Place of a new handle, at rest, mm"));
+    typed(&mut here, "16, 28, 16");
+    here.told("a handle", |told| told.handles.len() == 1);
+    here.settle();
+    to_handles(&mut here);
+    assert!(has_keys(&here, "Go to handle 0"));
+    tab_to(&mut here, "Handle 0: into the surface, mm");
+    typed(&mut here, "1.5");
+    here.told("it goes in", |told| told.handles[0].by.is_some_and(|by| by[1] < -1.4));
+    here.settle();
+    here.harness.key_press(Key::Escape);
+    here.harness.step();
+    tab_to(&mut here, "Handle 0: into the surface, mm");
+    here.harness.step();
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    here.told("it is undone", |told| told.handles[0].by == Some([0.0; 3]));
+    here.settle();
+    // What is typed is the field's own to take back.
+    here.harness.key_press(Key::Escape);
+    here.harness.step();
+    tab_to(&mut here, "Handle 0: into the surface, mm");
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    here.harness.event(Event::Text("7".to_owned()));
+    here.harness.step();
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    here.harness.step();
+    here.settle();
+    assert_eq!(here.figures().handles.len(), 1, "nothing else is undone");
+    assert_eq!(here.figures().redo.as_deref(), Some("move a handle"));
+}
+
+#[test]
 fn numbers_with_more_digits_than_are_written_stay_as_they_are_where_keys_pass_by() {
     let mut here = Here::ball();
     tab_to(&mut here, "Place of a new handle, at rest, mm");
