@@ -43,11 +43,10 @@ fn note_typed(ui: &Ui, field: &Response) {
     };
     let is_typed = ui.input(|input| input.events.iter().any(types));
     let pass = ui.ctx().cumulative_pass_nr();
-    ui.data_mut(|data| {
-        let before = data.get_temp::<(Id, u64, bool)>(noted());
-        let was_typed = before.is_some_and(|(id, _, is_same)| id == field.id && !is_same);
-        data.insert_temp(noted(), (field.id, pass, !(is_typed || was_typed && !field.gained_focus())));
-    });
+    let before = ui.data(|data| data.get_temp::<(Id, u64, bool)>(noted()));
+    let was_typed = before.is_some_and(|(id, _, is_same)| id == field.id && !is_same);
+    let is_same = !is_typed && (field.gained_focus() || !was_typed);
+    ui.data_mut(|data| data.insert_temp(noted(), (field.id, pass, is_same)));
 }
 
 /// Whether a field for a number has the keys, and nothing was typed into it.
