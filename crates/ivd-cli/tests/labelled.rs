@@ -179,19 +179,37 @@ fn a_report_tells_of_labels_as_of_a_segmentation() {
 }
 
 #[test]
-fn no_output_takes_the_place_of_what_is_read_or_of_another() {
+fn no_output_takes_the_place_of_what_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     begin(at);
-    let before = std::fs::read(at.join("organs.nii.gz")).unwrap();
-    for (output, says) in [
-        ("labels_deformed = \"organs.nii.gz\"", "which the scene reads"),
-        ("volume = \"v.nrrd\"", "which the scene reads"),
-        ("labels = \"x.nrrd\"\nlabels_deformed = \"x.nrrd\"", "name two files"),
+    json(at, &["export", "v.ivd", "-o", "scan.mhd"]);
+    std::fs::create_dir(at.join("frames")).unwrap();
+    json(at, &["export", "v.ivd", "-o", "frames/m_0001.nrrd"]);
+    std::fs::create_dir(at.join("slices")).unwrap();
+    json(at, &["export", "v.ivd", "-o", "slices/a.tif"]);
+    std::fs::create_dir(at.join("linked")).unwrap();
+    std::os::unix::fs::symlink(at.join("v.nrrd"), at.join("linked/x.nrrd")).unwrap();
+    let own = |scene: &str, file: &str| scene.replace("v.nrrd", file);
+    let moved =
+        SCENE.replace("labels = \"organs.nii.gz\"\n[boundary]\nclass = 3\n", "[lattice]\niso = 60.0\n");
+    let springs = moved.replace("[[deform", "[deform]\nsolver = \"projective\"\nframes = 2\n[[deform");
+    let files = ["organs.nii.gz", "v.nrrd", "scan.mhd.raw", "frames/m_0001.nrrd"];
+    let before = files.map(|file| std::fs::read(at.join(file)).unwrap());
+    for (scene, out, output) in [
+        (SCENE.to_owned(), ".", "labels_deformed = \"organs.nii.gz\""),
+        (SCENE.to_owned(), ".", "volume = \"./v.nrrd\""),
+        (SCENE.to_owned(), "linked", "volume = \"x.nrrd\""),
+        (own(&moved, "scan.mhd"), ".", "volume = \"scan.mhd\""),
+        (own(&springs, "frames/m_0001.nrrd"), ".", "volume_series = \"frames/m.nrrd\""),
+        (own(&moved, "slices"), "slices", "images = [\"before\"]"),
     ] {
-        write(at, &format!("{SCENE}[output]\n{output}\n"));
-        let (code, told) = refused(at, &["pipeline", "scene.toml", "--out", "."]);
-        assert!(code == 2 && told.contains(says), "{output}: {told}");
+        write(at, &format!("{scene}[output]\n{output}\n"));
+        for more in [&["--dry-run"][..], &[]] {
+            let (code, told) = refused(at, &[&["pipeline", "scene.toml", "--out", out][..], more].concat());
+            assert!(code == 2 && told.contains("the scene reads"), "{output}: {told}");
+            assert!(!told.contains("earlier"), "{output}: {told}");
+        }
     }
-    assert!(std::fs::read(at.join("organs.nii.gz")).unwrap() == before);
+    assert!(files.map(|file| std::fs::read(at.join(file)).unwrap()) == before);
 }

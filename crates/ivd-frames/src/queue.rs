@@ -73,6 +73,15 @@ impl Queue {
         true
     }
 
+    /// Whether what somebody holds now is given up by what waits: not something that is taken hold of later.
+    pub(crate) fn gives_up(&self, client: Client) -> bool {
+        let waiting = self.locked();
+        let ends = |(who, request): &&(Client, Request)| {
+            *who == client && matches!(request, Request::Abandon | Request::Drop | Request::Grab { .. })
+        };
+        waiting.requests.iter().find(ends).is_some_and(|(_, request)| *request == Request::Abandon)
+    }
+
     /// Lets go of all that somebody asked for.
     pub(crate) fn forget(&self, client: Client) {
         let mut waiting = self.locked();

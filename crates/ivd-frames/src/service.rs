@@ -154,7 +154,7 @@ impl Service {
         }
         let gives_up = request == Request::Abandon;
         let taken = self.queue.push(client, request);
-        if gives_up {
+        if gives_up && self.queue.gives_up(client) {
             let dragging = self.dragging.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some((_, drag)) = dragging.as_ref().filter(|(who, _)| *who == client) {
                 drag.cancel();
@@ -459,7 +459,11 @@ impl<P: FnMut(Output)> Worker<P> {
         let stop = begin(&self.following);
         model.stops_by(stop.clone());
         let drags = matches!(request, Request::Grab { .. } | Request::Drag { .. });
-        self.drags(drags.then_some((client, stop)));
+        self.drags(drags.then_some((client, stop.clone())));
+        // It may have been given up since it was taken from what waits.
+        if drags && self.queue.gives_up(client) {
+            stop.cancel();
+        }
         let followed = model.follow(request);
         self.drags(None);
         match followed {

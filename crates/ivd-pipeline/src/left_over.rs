@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use serde::Serialize;
 
 use crate::outputs::{Manifest, named};
-use crate::scene::Scene;
+use crate::scene::{InputSection, Loaded};
 
 /// A file that an earlier run wrote.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -28,14 +28,17 @@ pub struct Before {
 }
 
 impl Before {
-    /// Looks at what a scene names, and at what the last run into the folder wrote; of a scene that can't be read only the latter is
-    /// known.
-    pub fn look(scene: Option<&Scene>, out: &Path) -> Self {
+    /// Looks at what a scene names, but for what it reads itself, and at what the last run into the folder wrote; of a scene that can't be read only
+    /// the latter is known.
+    pub fn look(loaded: Option<&Loaded>, out: &Path) -> Self {
         let manifest = Manifest::load(out);
         let earlier = manifest.files().filter(|(_, path)| path.starts_with(out));
         let earlier = earlier.map(|(name, path)| (name.to_owned(), path.to_owned()));
-        let wanted =
-            scene.map(named).unwrap_or_default().into_iter().map(|(name, file)| (name, out.join(file)));
+        let wanted = loaded.map(|loaded| named(&loaded.scene)).unwrap_or_default();
+        let wanted = wanted.into_iter().map(|(name, file)| (name, out.join(file)));
+        let read: Vec<PathBuf> = loaded.map(read_by).unwrap_or_default();
+        let is_read = |path: &Path| path.canonicalize().is_ok_and(|path| read.contains(&path));
+        let wanted = wanted.filter(|(_, path)| !is_read(path));
         let files = earlier.chain(wanted).filter_map(|(name, path)| {
             let time = written(&path)?;
             Some((path, (name, time)))
@@ -53,6 +56,13 @@ impl Before {
         })
         .collect()
     }
+}
+
+/// The files that a scene names to be read, as far as they are there.
+fn read_by(loaded: &Loaded) -> Vec<PathBuf> {
+    let InputSection { file, start, labels, grid_of, .. } = &loaded.scene.input;
+    let files = [file, start, labels, grid_of].into_iter().flatten();
+    files.filter_map(|file| loaded.folder.join(file).canonicalize().ok()).collect()
 }
 
 /// When a file was written; `None` where there is none.
@@ -123,7 +133,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
         let text = "schema = 1\n[input]\nphantom = \"sphere\"\n[lattice]\niso = 1.0\n[output]\nlattice = \"a.ply\"\nreport = true\n";
-        let scene = crate::scene::parse(text, &[]).unwrap();
+        let loaded = |text: &str| Loaded {
+            scene: crate::scene::parse(text, &[]).unwrap(),
+            folder: out.to_owned(),
+            file: out.join("scene.toml"),
+        };
+        let scene = loaded(text);
         assert!(Before::look(Some(&scene), out).left().is_empty());
         for name in ["a.ply", "report.html", "before.png"] {
             std::fs::write(out.join(name), name).unwrap();
@@ -135,5 +150,11 @@ mod tests {
         assert_eq!(names(&before), ["report"]);
         std::fs::remove_file(out.join("report.html")).unwrap();
         assert!(before.left().is_empty());
+        // What is read was never written by a run, whatever it is called.
+        std::fs::write(out.join("scan.nii"), "a scan").unwrap();
+        let reads = loaded(
+            "schema = 1\n[input]\nfile = \"scan.nii\"\n[clip]\n[[clip.planes]]\npoint = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\n[output]\nvolume = \"scan.nii\"\n",
+        );
+        assert!(Before::look(Some(&reads), out).left().is_empty());
     }
 }

@@ -33,6 +33,7 @@
 #![cfg_attr(not(test), deny(clippy::expect_used, clippy::unwrap_used, clippy::panic))]
 #![cfg_attr(not(test), deny(clippy::unreachable, clippy::wildcard_enum_match_arm))]
 
+mod clashes;
 mod compare;
 mod control;
 mod describe;

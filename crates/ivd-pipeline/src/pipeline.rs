@@ -10,9 +10,10 @@ use ivd_core::op::Memory;
 use serde::{Deserialize, Serialize};
 
 use crate::Stage;
+use crate::clashes;
 use crate::control::{Control, Uncontrolled};
 use crate::need::{self, Size};
-use crate::outputs::{Manifest, OutputFile, Writer, named};
+use crate::outputs::{Manifest, OutputFile, Writer};
 use crate::plan::{NodeId, Plan, PlanNode, stage_names};
 use crate::resource::peak_rss_mb;
 use crate::runner::{Runner, StageRecord, StageResult, State};
@@ -121,6 +122,12 @@ fn attempt<C: Control>(
     for node in plan.nodes().iter().filter(|node| node.is_in_vain() && options.until.is_none()) {
         runner.exec.observer().note(&format!("{}: not done: {}", node.id.stage, node.why));
     }
+    if options.until.is_none() {
+        let needed = plan.nodes().iter().filter(|node| node.needed).filter_map(|node| node.stage.as_ref());
+        // What can't be listed is told by the stage that reads it.
+        let sources = needed.flat_map(|stage| stage.sources().unwrap_or_default());
+        clashes::check_sources(loaded, options.input.as_deref(), &options.out, sources)?;
+    }
     let mut stages = Vec::new();
     let outputs = if options.dry_run {
         let state = |node: &PlanNode| if node.needed { State::Planned } else { State::NotNeeded };
@@ -129,7 +136,6 @@ fn attempt<C: Control>(
     } else {
         let stages_of = plan.nodes().iter().filter(|n| n.needed).filter_map(|n| n.stage.as_ref());
         let needed: Vec<Memory> = stages_of.map(|stage| stage.memory()).collect();
-        check_overwrites(loaded, options, &plan)?;
         let mut seen = Size::default();
         walk(loaded, options, plan, &mut control, &mut stages, (&mut seen, runner)).map_err(|error| {
             let error = whole(error, &needed, seen, runner.exec);
@@ -144,28 +150,6 @@ fn attempt<C: Control>(
     let own = stages.iter().map(|stage| stage.peak_own_mb).chain(outputs.iter().map(|file| file.peak_own_mb));
     let peak_own_mb = own.flatten().reduce(f64::max);
     Ok((PipelineReport { stages, outputs, wall_s, peak_rss_mb, peak_own_mb }, control))
-}
-
-/// Refuses an output that would take the place of a file that is read.
-fn check_overwrites(loaded: &Loaded, options: &PipelineOptions, plan: &Plan) -> Result<(), Error> {
-    if options.until.is_some() {
-        return Ok(());
-    }
-    let there = |(key, path): (String, PathBuf)| Some((key, options.out.join(path).canonicalize().ok()?));
-    let outputs: Vec<(String, PathBuf)> = named(&loaded.scene).into_iter().filter_map(there).collect();
-    let stages = plan.nodes().iter().filter(|node| node.needed).filter_map(|node| node.stage.as_ref());
-    // What can't be listed is told by the stage that reads it.
-    let sources = stages.flat_map(|stage| stage.sources().unwrap_or_default());
-    for source in sources.filter_map(|source| source.canonicalize().ok()) {
-        if let Some((key, path)) = outputs.iter().find(|(_, output)| *output == source) {
-            let problem = format!(
-                "output.{key} would take the place of {}, which the scene reads; name another file",
-                path.display()
-            );
-            return Err(Error::usage("pipeline", problem));
-        }
-    }
-    Ok(())
 }
 
 /// The error of a run, where a memory limit ended it with one that does for all that was needed.

@@ -16,7 +16,7 @@ pub(super) fn demo(out: &Path, context: &Context) -> anyhow::Result<()> {
     let loaded = ivd_frames::demo_scene(&[]);
     let loaded = loaded.map_err(|error| Failure::of(error.error_class(), error.to_string()))?;
     let options = PipelineOptions { out: out.to_owned(), ..PipelineOptions::default() };
-    let before = Before::look(Some(&loaded.scene), out);
+    let before = Before::look(Some(&loaded), out);
     let report = ivd_pipeline::run(&loaded, &options, &context.pipeline_cache()?, &context.exec)
         .map_err(|error| Unfinished::of(error.into(), before.left()))?;
     let page = report.outputs.iter().find(|o| o.name == "report").map(|o| o.path.display().to_string());
@@ -31,7 +31,7 @@ pub(super) fn run(args: &Pipeline, context: &Context) -> anyhow::Result<()> {
     let mut before = if writes { Before::look(None, &out) } else { Before::default() };
     let done = scene::load(&args.scene, &args.overrides).map_err(anyhow::Error::from).and_then(|loaded| {
         if writes {
-            before = Before::look(Some(&loaded.scene), &out);
+            before = Before::look(Some(&loaded), &out);
         }
         run_loaded(&loaded, out, args, context)
     });

@@ -151,6 +151,17 @@ fn missing_voxels_make_background_only_where_they_take_part() {
 }
 
 #[test]
+fn labels_from_beyond_are_no_part_where_there_is_what_is_none() {
+    let grid = Grid::with_spacing([10, 10, 10], [1.0; 3]).unwrap();
+    for (zeros, background) in [(0, 2), (9, 2), (10, 0), (500, 0)] {
+        let ids: Vec<u16> =
+            (0..1000).map(|i| if i < zeros { 0 } else { 2 + u16::from(i % 2 == 0) }).collect();
+        let labels = Labels::from_volume(&Volume::new(grid.clone(), Voxels::from(ids)).unwrap()).unwrap();
+        assert_eq!(super::label_background(&labels, &WarpParams::default()).unwrap(), background, "{zeros}");
+    }
+}
+
+#[test]
 fn background_is_the_smallest_real_value_even_with_a_negative_slope() {
     let grid = Grid::with_spacing([4, 1, 1], [1.0; 3]).unwrap();
     let input = Volume::with_scale(grid.clone(), Voxels::from(vec![5_u8, 9, 200, 7]), -1.0, 0.0).unwrap();

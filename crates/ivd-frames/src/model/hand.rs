@@ -161,7 +161,7 @@ impl Model {
                 let spot = || self.spots.iter().find(|spot| spot.id == drag.handle);
                 drag.out = drag.out.or_else(|| Some(spot()?.out?.into()));
                 let Some(out) = drag.out else {
-                    let why = "it has no in and out: its vertex lies on no side of the surface, or at this level on another than it was put on; a lower level has a closer one";
+                    let why = "it has no in and out: its vertex lies on no side of the surface, or on another than at a lower level";
                     self.refused = Some(self.refusal(why.to_owned()));
                     return Ok(());
                 };

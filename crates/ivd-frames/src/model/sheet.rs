@@ -54,8 +54,8 @@ pub(super) struct Sides {
     /// The level that they are of.
     level: u8,
     known: Vec<Side>,
-    /// Of each handle, the first that was known.
-    first: BTreeMap<Id, Vector3<f64>>,
+    /// Of each handle, the one at the lowest level that was seen.
+    lowest: BTreeMap<Id, (u8, Vector3<f64>)>,
 }
 
 impl Sides {
@@ -75,12 +75,16 @@ impl Sides {
         (self.level, self.known) = (level, handles.map(of).collect());
     }
 
-    /// Out of the surface about a handle's vertex; `None` where that has no side, or is of another one than the handle's first: at a coarse level the
-    /// nearest vertex may be.
+    /// Out of the surface about a handle's vertex; `None` where that has no side, or is of another one than at a lower level: at a coarse one the nearest
+    /// vertex may be.
     pub(super) fn of(&mut self, handle: Id, vertex: usize, radius: f64) -> Option<[f64; 3]> {
         let out = self.out(vertex, radius)?;
-        let first = self.first.entry(handle).or_insert(out.into());
-        (first.dot(&Vector3::from(out)) > 0.0).then_some(out)
+        let now = (self.level, Vector3::from(out));
+        let lowest = self.lowest.entry(handle).or_insert(now);
+        if now.0 <= lowest.0 {
+            *lowest = now;
+        }
+        (lowest.1.dot(&now.1) > 0.0).then_some(out)
     }
 
     /// Out of the surface about a vertex.
@@ -234,11 +238,13 @@ mod tests {
             .iter()
             .map(|at| (turned * (at - middle) + middle - at).into())
             .collect();
-        // A handle that was put on one side has no in and out where it takes a vertex of the other.
+        // A handle has no in and out where it takes a vertex of another side than at a lower level, which knows better.
         let [outer, inner] = [OUTER, INNER]
             .map(|radius| vertex(&anchor(&lattice, [MIDDLE, MIDDLE, MIDDLE + radius], None)).vertex);
         let mut sides = Sides::default();
-        for (level, taken, is_known) in [(3, outer, true), (4, inner, false), (5, outer, true)] {
+        for (level, taken, is_known) in
+            [(3, outer, true), (4, inner, false), (5, outer, true), (2, inner, true), (3, outer, false)]
+        {
             sides.keep(&lattice, level, [(taken, 5.0)].into_iter());
             assert_eq!(sides.of(0, taken, 5.0).is_some(), is_known, "level {level}");
             assert!(sides.of(1 + u32::from(level), taken, 5.0).is_some(), "a handle of its own has a side");

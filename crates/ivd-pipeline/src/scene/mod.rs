@@ -238,15 +238,7 @@ impl Scene {
         }
         self.check_frames()?;
         self.output.check_endings()?;
-        let files = self.output.files();
-        for (at, (name, path)) in files.iter().enumerate() {
-            if let Some((other, _)) = files[..at].iter().find(|(_, other)| other == path) {
-                return Err(format!(
-                    "output.{other} and output.{name} are both {}; name two files",
-                    path.display()
-                ));
-            }
-        }
+        crate::clashes::check_outputs(self)?;
         for (name, path) in self.output.files() {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
                 return Err(format!(
