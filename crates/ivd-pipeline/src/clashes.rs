@@ -151,7 +151,7 @@ mod tests {
         }
         for good in [
             "labels = \"a/x.nrrd\"\nmask = \"x.nrrd\"",
-            "volume_series = \"m.nrrd\"\nlabels = \"m.nrrd\"\nmask = \"m_01.nrrd\"",
+            "volume_series = \"m.nrrd\"\nlabels = \"l.nrrd\"\nmask = \"m_01.nrrd\"",
             "volume = \"k.mhd\"\nmask = \"k.nrrd\"",
         ] {
             assert_eq!(told(good), Ok(()), "{good}");
