@@ -103,15 +103,18 @@ pub enum Output {
     Failed(Arc<Error>),
 }
 
-/// Whose drag is followed now, if one is, and what stops that.
-type Dragging = Arc<Mutex<Option<(Client, Cancel)>>>;
+/// What is followed: what stops it, and whose drag it is, where it is one.
+#[derive(Debug, Default)]
+struct Following {
+    stop: Cancel,
+    drags: Option<Client>,
+}
 
 /// A running service. Dropped, it ends.
 pub struct Service {
     queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
-    following: Arc<Mutex<Cancel>>,
-    dragging: Dragging,
+    following: Arc<Mutex<Following>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -129,36 +132,31 @@ impl Service {
     ) -> Result<Self, Error> {
         let queue = Arc::new(Queue::default());
         let refining = Arc::new(Mutex::new(Cancel::default()));
-        let following = Arc::new(Mutex::new(Cancel::default()));
-        let dragging = Dragging::default();
+        let following = Arc::new(Mutex::new(Following::default()));
         let worker = Worker {
             queue: queue.clone(),
             refining: refining.clone(),
             following: following.clone(),
-            dragging: dragging.clone(),
             exec,
             publish,
         };
         let thread = std::thread::Builder::new().name("frames".to_owned()).spawn(move || worker.run(open));
         let thread =
             thread.map_err(|e| Error::Io { what: "the thread that draws", problem: e.to_string() })?;
-        Ok(Self { queue, refining, following, dragging, thread: Some(thread) })
+        Ok(Self { queue, refining, following, thread: Some(thread) })
     }
 
     /// Asks for something. Answers come to `publish`. Whether that is taken: not where too much waits already, but for what lets go of something.
     /// [`Request::Stop`] doesn't wait for its turn, and what a hand gives up isn't followed any further.
     pub fn ask(&self, client: Client, request: Request) -> bool {
         if request == Request::Stop {
-            cancel(&self.following);
+            self.stop_following(|_| true);
             return true;
         }
         let gives_up = request == Request::Abandon;
         let taken = self.queue.push(client, request);
         if gives_up && self.queue.gives_up(client) {
-            let dragging = self.dragging.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some((_, drag)) = dragging.as_ref().filter(|(who, _)| *who == client) {
-                drag.cancel();
-            }
+            self.stop_following(|drags| drags == Some(client));
         }
         self.stop_refining();
         taken
@@ -174,20 +172,17 @@ impl Service {
         self.queue.forget(client);
     }
 
-    fn stop_refining(&self) {
-        cancel(&self.refining);
+    /// Stops what is followed, where that is meant by whose drag it is.
+    fn stop_following(&self, is_meant: impl Fn(Option<Client>) -> bool) {
+        let following = self.following.lock().unwrap_or_else(PoisonError::into_inner);
+        if is_meant(following.drags) {
+            following.stop.cancel();
+        }
     }
-}
 
-fn cancel(work: &Mutex<Cancel>) {
-    work.lock().unwrap_or_else(PoisonError::into_inner).cancel();
-}
-
-/// A flag for work that begins now.
-fn begin(work: &Mutex<Cancel>) -> Cancel {
-    let flag = Cancel::default();
-    work.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&flag);
-    flag
+    fn stop_refining(&self) {
+        self.refining.lock().unwrap_or_else(PoisonError::into_inner).cancel();
+    }
 }
 
 impl Drop for Service {
@@ -203,8 +198,7 @@ impl Drop for Service {
 struct Worker<P> {
     queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
-    following: Arc<Mutex<Cancel>>,
-    dragging: Dragging,
+    following: Arc<Mutex<Following>>,
     exec: Exec,
     publish: P,
 }
@@ -456,27 +450,21 @@ impl<P: FnMut(Output)> Worker<P> {
             (self.publish)(Output::File(client, file));
             return Ok(());
         }
-        let stop = begin(&self.following);
-        model.stops_by(stop.clone());
-        let drags = matches!(request, Request::Grab { .. } | Request::Drag { .. });
-        self.drags(drags.then_some((client, stop.clone())));
+        let stop = Cancel::default();
+        let drags = matches!(request, Request::Grab { .. } | Request::Drag { .. }).then_some(client);
+        *self.following.lock().unwrap_or_else(PoisonError::into_inner) =
+            Following { stop: stop.clone(), drags };
         // It may have been given up since it was taken from what waits.
-        if drags && self.queue.gives_up(client) {
+        if drags.is_some() && self.queue.gives_up(client) {
             stop.cancel();
         }
-        let followed = model.follow(request);
-        self.drags(None);
-        match followed {
+        model.stops_by(stop);
+        match model.follow(request) {
             Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),
             Err(error) => (self.publish)(Output::Problem(client, error.to_string())),
             Ok(()) => {}
         }
         Ok(())
-    }
-
-    /// A drag is followed, or none any more.
-    fn drags(&self, drag: Option<(Client, Cancel)>) {
-        *self.dragging.lock().unwrap_or_else(PoisonError::into_inner) = drag;
     }
 
     /// Makes a file.
@@ -536,7 +524,8 @@ impl<P: FnMut(Output)> Worker<P> {
 
     /// Draws the volume whole, unless something comes.
     fn refine(&mut self, model: &mut Model, drawn: &mut Drawn) -> Result<(), Error> {
-        let cancel = begin(&self.refining);
+        let cancel = Cancel::default();
+        self.refining.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&cancel);
         // What came before that could not stop it.
         if !self.queue.is_empty() {
             return Ok(());

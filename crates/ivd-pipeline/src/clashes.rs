@@ -3,6 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use crate::outputs::named;
+use crate::pictures::is_animation;
 use crate::plan::OF_FRAMES;
 use crate::scene::{Loaded, Scene};
 use crate::series::file_of;
@@ -11,20 +12,25 @@ use crate::{Error, ending};
 /// Endings of slices, which a folder of them is read by.
 const SLICES: [&str; 3] = ["png", "tif", "tiff"];
 
-/// An output: its key, its place below the folder, and whether a file is written for every frame.
+/// An output: its key, and its place below the folder as it is named.
 struct Target {
     key: String,
     path: PathBuf,
+    /// Name of its file, or of the first where there is one for every frame.
+    name: String,
     of_frames: bool,
 }
 
 fn targets(scene: &Scene) -> Vec<Target> {
     let of_frames = scene.output.files().into_iter().filter(|(key, _)| OF_FRAMES.contains(key));
-    let of_frames = of_frames.map(|(key, path)| (key.to_owned(), path.to_owned(), true));
+    // An animation is one file.
+    let of_frames = of_frames.map(|(key, path)| (key.to_owned(), path.to_owned(), !is_animation(path)));
     let whole = named(scene).into_iter().map(|(key, path)| (key, path, false));
     let target = |(key, path, of_frames): (String, PathBuf, bool)| {
-        let path = path.components().filter(|part| *part != Component::CurDir).collect();
-        Target { key, path, of_frames }
+        let path: PathBuf = path.components().filter(|part| *part != Component::CurDir).collect();
+        let first = if of_frames { file_of(&path, 0) } else { path.clone() };
+        let name = first.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Target { key, path, name, of_frames }
     };
     whole.chain(of_frames).map(target).collect()
 }
@@ -32,18 +38,13 @@ fn targets(scene: &Scene) -> Vec<Target> {
 impl Target {
     /// Whether it is written to a file of that name: its own, the values beside a header, or those of a frame.
     fn is_written_to(&self, name: &str) -> bool {
-        let own = self.path.file_name().unwrap_or_default().to_string_lossy();
-        [Some(name), name.strip_suffix(".raw")]
-            .into_iter()
-            .flatten()
-            .any(|name| if self.of_frames { is_frame(&self.path, name) } else { name == own })
+        let is_own = |name: &str| if self.of_frames { is_frame(&self.name, name) } else { name == self.name };
+        is_own(name) || name.strip_suffix(".raw").is_some_and(is_own)
     }
 }
 
-/// Whether a name is that of a frame of a series.
-fn is_frame(series: &Path, name: &str) -> bool {
-    let first = file_of(series, 0);
-    let first = first.file_name().unwrap_or_default().to_string_lossy();
+/// Whether a name is that of a frame of a series, whose first is given.
+fn is_frame(first: &str, name: &str) -> bool {
     let Some((before, after)) = first.rsplit_once("_0000") else { return false };
     let number = name.strip_prefix(before).and_then(|name| name.strip_prefix('_')?.strip_suffix(after));
     number.is_some_and(|number| number.len() >= 4 && number.bytes().all(|digit| digit.is_ascii_digit()))
@@ -54,12 +55,8 @@ pub(crate) fn check_outputs(scene: &Scene) -> Result<(), String> {
     let targets = targets(scene);
     for (at, one) in targets.iter().enumerate() {
         let is_same = |other: &&Target| {
-            let [mine, theirs] = [one, other]
-                .map(|target| target.path.file_name().unwrap_or_default().to_string_lossy().into_owned());
             one.path.parent() == other.path.parent()
-                && (one.is_written_to(&theirs)
-                    || other.is_written_to(&mine)
-                    || (one.of_frames && other.of_frames && mine == theirs))
+                && (one.is_written_to(&other.name) || other.is_written_to(&one.name))
         };
         if let Some(other) = targets[..at].iter().find(is_same) {
             return Err(format!(
@@ -110,8 +107,7 @@ pub(crate) fn check_sources(
             Some(&**folder) == source.parent() && target.is_written_to(&name)
         };
         let linked = |(folder, target): &&(PathBuf, Target)| {
-            let there = folder.join(target.path.file_name().unwrap_or_default());
-            there.canonicalize().is_ok_and(|there| there == source)
+            folder.join(&target.name).canonicalize().is_ok_and(|there| there == source)
         };
         if let Some((_, target)) = targets.iter().find(|target| is_taken(target) || linked(target)) {
             return refuse(
@@ -151,7 +147,7 @@ mod tests {
         }
         for good in [
             "labels = \"a/x.nrrd\"\nmask = \"x.nrrd\"",
-            "volume_series = \"m.nrrd\"\nlabels = \"l.nrrd\"\nmask = \"m_01.nrrd\"",
+            "volume_series = \"m.nrrd\"\nlabels = \"m.nrrd\"\nmask = \"m_01.nrrd\"",
             "volume = \"k.mhd\"\nmask = \"k.nrrd\"",
         ] {
             assert_eq!(told(good), Ok(()), "{good}");

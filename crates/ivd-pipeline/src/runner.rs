@@ -142,8 +142,7 @@ impl StageRecord {
     /// # Errors
     /// [`Error::Figure`] where one is missing or of another type: nothing that is decided by figures may go on without.
     pub fn figures<F: DeserializeOwned>(&self) -> Result<F, Error> {
-        let figures = Value::Object(self.metrics.figures.clone());
-        serde_json::from_value(figures).map_err(|problem| Error::figures(&self.stage, problem))
+        self.metrics.read(&self.stage)
     }
 }
 

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use ivd_artefact::{Artefact, ContentHash, Kind, Loaded, Opened};
 use ivd_core::Exec;
 use ivd_core::op::{self, Output, Slot, Slots, Values};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -20,6 +21,17 @@ pub struct Metrics {
     pub figures: Map<String, Value>,
     /// Times (s) and rates (1/s) of one run: told of it, and kept nowhere, so that the same work gives the same file.
     pub times: BTreeMap<String, f64>,
+}
+
+impl Metrics {
+    /// The figures as the crate of a stage declares them.
+    ///
+    /// # Errors
+    /// [`Error::Figure`] where one is missing or of another type: nothing that is decided by figures may go on without.
+    pub fn read<F: DeserializeOwned>(&self, stage: &str) -> Result<F, Error> {
+        serde_json::from_value(Value::Object(self.figures.clone()))
+            .map_err(|problem| Error::figures(stage, problem))
+    }
 }
 
 impl From<Metrics> for Map<String, Value> {

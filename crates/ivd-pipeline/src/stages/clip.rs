@@ -25,8 +25,7 @@ impl Stage for Clip {
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
-        let read = serde_json::from_value::<ClipFigures>(Value::Object(figures.figures.clone()));
-        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.remark())
+        Ok(figures.read::<ClipFigures>(self.name())?.remark())
     }
 
     fn params(&self) -> Value {

@@ -97,8 +97,7 @@ impl Stage for Import {
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
-        let read = serde_json::from_value::<ImportFigures>(Value::Object(figures.figures.clone()));
-        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.remark())
+        Ok(figures.read::<ImportFigures>(self.name())?.remark())
     }
 
     fn run(&self, _inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {

@@ -64,8 +64,7 @@ impl Stage for ImportLabelsOf {
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
-        let read = serde_json::from_value::<LabelsOfFigures>(Value::Object(figures.figures.clone()));
-        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.put.remark())
+        Ok(figures.read::<LabelsOfFigures>(self.name())?.put.remark())
     }
 
     fn run(&self, inputs: &Inputs, exec: &Exec) -> Result<StageOutput, Error> {

@@ -108,8 +108,7 @@ impl Stage for PutOnto {
     }
 
     fn remark(&self, figures: &Metrics) -> Result<Option<String>, Error> {
-        let read = serde_json::from_value::<PutOntoFigures>(Value::Object(figures.figures.clone()));
-        Ok(read.map_err(|problem| Error::figures(self.name(), problem))?.remark())
+        Ok(figures.read::<PutOntoFigures>(self.name())?.remark())
     }
 
     fn params(&self) -> Value {
