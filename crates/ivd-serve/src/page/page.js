@@ -84,11 +84,16 @@ async function received(data) {
 // ---------------------------------------------------------------- what is said
 const status = (text) => { $("status").textContent = text; };
 let complaint = 0, refused = false;
-function complain(text) {
-  $("problem").textContent = text;
+// `instead`: by which map it might be followed; that offer stays until it is taken, or something is followed.
+function complain(text, instead = "") {
+  const offered = instead !== $("map").value && [...$("map").options].find((one) => one.value === instead);
+  $("why").textContent = text;
+  $("instead").hidden = !offered;
+  $("instead").value = instead;
+  $("instead").textContent = offered ? `Follow ${offered.text}` : "";
   $("problem").hidden = false;
   clearTimeout(complaint);
-  complaint = setTimeout(() => { $("problem").hidden = true; }, 8000);
+  if (!offered) complaint = setTimeout(() => { $("problem").hidden = true; }, 8000);
 }
 const few = (x, digits = 2) => (x == null ? "–" : Number(x).toFixed(digits));
 const milli = (s) => `${Math.round(1000 * s)} ms`;
@@ -103,7 +108,7 @@ function tell() {
   // What was refused is past once something is followed.
   if (!f.refused && refused) $("problem").hidden = true;
   refused = Boolean(f.refused);
-  if (f.refused) complain(`${f.refused.ahead_mm > 0 ? `The hand is ${few(f.refused.ahead_mm, 1)} mm ahead: ` : ""}${f.refused.why}`);
+  if (f.refused) complain(`${f.refused.ahead_mm > 0 ? `The hand is ${few(f.refused.ahead_mm, 1)} mm ahead: ` : ""}${f.refused.why}`, f.refused.instead ?? "");
   $("problem").title = f.refused?.exactly ?? "";
   $("undo").disabled = !f.undo; $("undo").title = f.undo ? `Undo: ${f.undo}` : "";
   $("redo").disabled = !f.redo; $("redo").title = f.redo ? `Redo: ${f.redo}` : "";
@@ -554,6 +559,7 @@ $("depth").addEventListener("change", () => send({ do: "depth", weight: $("depth
 $("compare").addEventListener("change", () => send({ do: "compare", shows: $("compare").value, at: figures?.compare.at ?? 0.5 }));
 $("cut").addEventListener("change", () => send({ do: "cut", along: $("cut").value || null }));
 $("map").addEventListener("change", () => send({ do: "map", map: $("map").value }));
+$("instead").addEventListener("click", () => { $("problem").hidden = true; send({ do: "map", map: $("instead").value }); });
 const chosen = (id, request) => $(id).addEventListener("change", () => {
   if ($(id).value) send(request($(id).value));
   $(id).value = "";
