@@ -298,33 +298,38 @@ def work(browser, links, program, folder, pictures):
     tab.run("document.querySelector('input[value=turn]').click()")
 
     # The keyboard alone: a handle at a place, moved by its row, undone.
-    tab.run("document.getElementById('place').focus()")
-    for letter in "32, 58, 32":
-        tab.call("Input.dispatchKeyEvent", type="char", text=letter)
-    tab.key("Enter", text="\r")
-    tab.until("document.querySelectorAll('#handles tr').length === 1", "a handle is typed")
-    tab.run("document.querySelectorAll('#handles input')[1].focus(); document.querySelectorAll('#handles input')[1].select()")
-    for letter in "-1.5":
-        tab.call("Input.dispatchKeyEvent", type="char", text=letter)
-    tab.key("Enter", text="\r")
+    def typed(field, text):
+        tab.run(f"{field}.focus(); {field}.select()")
+        for letter in text:
+            tab.call("Input.dispatchKeyEvent", type="char", text=letter)
+        tab.key("Enter", text="\r")
+
+    def add():
+        typed("document.getElementById('place')", "32, 58, 32")
+        tab.until("document.querySelectorAll('#handles tr').length === 1", "a handle is typed")
+
+    def undo(steps):
+        tab.run("document.activeElement.blur()")
+        for _ in range(steps):
+            tab.key("z", "KeyZ", modifiers=2)
+        tab.until("document.querySelectorAll('#handles tr').length === 0", "and undone")
+
+    move = "document.querySelectorAll('#handles input')[1]"
+    add()
+    typed(move, "-1.5")
     tab.until("document.getElementById('undo').title.includes('move')", "and moved by its row")
+    undo(2)
 
     # What voxels can't follow by what is nearest is offered by the smoothest, at a press.
-    tab.run("(() => { const s = document.getElementById('map'); s.value = 'octree'; s.dispatchEvent(new Event('change')); })()")
-    tab.settle()
-    tab.run("document.querySelectorAll('#handles input')[1].focus(); document.querySelectorAll('#handles input')[1].select()")
-    for letter in "-60":
-        tab.call("Input.dispatchKeyEvent", type="char", text=letter)
-    tab.key("Enter", text="\r")
+    add()
+    typed(move, "-60")
     tab.until("document.getElementById('instead').textContent === 'Follow smoothest' && !document.getElementById('problem').hidden", "another map is offered")
     shown(tab, "offered")
     tab.run("document.getElementById('instead').click()")
     tab.until("document.getElementById('map').value === 'biharmonic'", "and taken")
-    tab.run("document.activeElement.blur()")
-    for _ in range(8):
-        tab.key("z", "KeyZ", modifiers=2)
-        time.sleep(0.3)
-    tab.until("document.querySelectorAll('#handles tr').length === 0", "and all of it undone")
+    tab.settle()
+    undo(2)
+    tab.until("document.getElementById('map').value === 'octree'", "with the map that was before")
 
     # Every control says what it is, each by a name of its own.
     nodes = tab.call("Accessibility.getFullAXTree")["nodes"]

@@ -85,12 +85,11 @@ async function received(data) {
 const status = (text) => { $("status").textContent = text; };
 let complaint = 0, refused = false;
 // `instead`: by which map it might be followed; that offer stays until it is taken, or something is followed.
-function complain(text, instead = "") {
-  const offered = instead !== $("map").value && [...$("map").options].find((one) => one.value === instead);
+function complain(text, instead) {
+  const offered = [...$("map").options].find((one) => one.value === instead);
   $("why").textContent = text;
   $("instead").hidden = !offered;
-  $("instead").value = instead;
-  $("instead").textContent = offered ? `Follow ${offered.text}` : "";
+  if (offered) Object.assign($("instead"), { value: instead, textContent: `Follow ${offered.text}` });
   $("problem").hidden = false;
   clearTimeout(complaint);
   if (!offered) complaint = setTimeout(() => { $("problem").hidden = true; }, 8000);
@@ -108,7 +107,7 @@ function tell() {
   // What was refused is past once something is followed.
   if (!f.refused && refused) $("problem").hidden = true;
   refused = Boolean(f.refused);
-  if (f.refused) complain(`${f.refused.ahead_mm > 0 ? `The hand is ${few(f.refused.ahead_mm, 1)} mm ahead: ` : ""}${f.refused.why}`, f.refused.instead ?? "");
+  if (f.refused) complain(`${f.refused.ahead_mm > 0 ? `The hand is ${few(f.refused.ahead_mm, 1)} mm ahead: ` : ""}${f.refused.why}`, f.refused.instead !== f.map && f.refused.instead);
   $("problem").title = f.refused?.exactly ?? "";
   $("undo").disabled = !f.undo; $("undo").title = f.undo ? `Undo: ${f.undo}` : "";
   $("redo").disabled = !f.redo; $("redo").title = f.redo ? `Redo: ${f.redo}` : "";
