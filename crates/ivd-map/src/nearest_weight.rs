@@ -66,8 +66,7 @@ pub(super) fn carry<N: Nearest>(
     mut kept: Option<&mut Kept>,
     exec: &Exec,
 ) -> Result<Vec<[f32; 3]>, Error> {
-    let carrier =
-        Carrier { part, displacement, region, params, layer: LAYER * part.lattice.grid().voxel_diagonal() };
+    let carrier = Carrier::new(part, displacement, region, params);
     let mut seen = bricks.iter().map(|&brick| kept.as_mut().map(|kept| kept.take(brick))).collect::<Vec<_>>();
     let mut vectors = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
     let observer = exec.observer();
@@ -101,8 +100,7 @@ pub(super) fn seek<N: Nearest>(
     kept: &mut Kept,
     exec: &Exec,
 ) -> Result<(), Error> {
-    let layer = LAYER * part.lattice.grid().voxel_diagonal();
-    let carrier = Carrier { part, displacement: &[], region, params, layer };
+    let carrier = Carrier::new(part, &[], region, params);
     let mut seen: Vec<_> = bricks.iter().map(|&brick| (brick, kept.take(brick))).collect();
     let found = seen.par_iter_mut().try_for_each(|(brick, seen)| {
         exec.check_cancelled()?;
@@ -203,10 +201,21 @@ struct Carrier<'a, N> {
     displacement: &'a [[f64; 3]],
     region: &'a Region,
     params: &'a OctreeParams,
+    margin: f64,
     layer: f64,
 }
 
-impl<N: Nearest> Carrier<'_, N> {
+impl<'a, N: Nearest> Carrier<'a, N> {
+    fn new(
+        part: &'a Part<'a, N>,
+        displacement: &'a [[f64; 3]],
+        region: &'a Region,
+        params: &'a OctreeParams,
+    ) -> Self {
+        let layer = LAYER * part.lattice.grid().voxel_diagonal();
+        Self { part, displacement, region, params, margin: region.margin(), layer }
+    }
+
     /// Fills a brick, which is 0.
     fn brick(&self, brick: usize, kept: Option<&mut KeptBrick>, out: &mut [[f32; 3]]) {
         let ahead = if kept.is_some() { Kept::AHEAD } else { 1.0 };
@@ -283,7 +292,7 @@ impl<N: Nearest> Carrier<'_, N> {
         match (inside, self.params.band.outside) {
             (true, _) if self.params.weight == super::DepthWeight::One => f64::INFINITY,
             (true, _) => self.region.depth,
-            (false, Outside::Band) => self.region.margin,
+            (false, Outside::Band) => self.margin,
             (false, Outside::Free) => self.layer,
         }
     }
@@ -291,7 +300,7 @@ impl<N: Nearest> Carrier<'_, N> {
     fn weight(&self, inside: bool, distance: f64) -> f64 {
         match (inside, self.params.band.outside) {
             (true, _) => self.params.weight.at(distance / self.region.depth),
-            (false, Outside::Band) => smooth_fall(distance / self.region.margin),
+            (false, Outside::Band) => smooth_fall(distance / self.margin),
             (false, Outside::Free) => f64::from(u8::from(distance <= self.layer)),
         }
     }

@@ -4,15 +4,33 @@ use nalgebra::Vector3;
 
 use super::params::Band;
 
-/// Ω: where something may move. The union of the handles' balls, each widened by the margin.
+/// Widths of a margin in lengths of the motion that it takes up: what falls over so much folds nothing by itself.
+const WIDTHS: f64 = 4.0;
+
+/// Ω: where something may move. The union of the handles' balls, each widened by a margin.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Region {
-    /// Centres relative to the grid's origin (mm) and radii (mm).
-    balls: Vec<(Vector3<f64>, f64)>,
-    /// Width of the fall-off beyond the balls (mm).
-    pub(super) margin: f64,
+    balls: Vec<Reach>,
     /// Depth at which the depth weight ends (mm).
     pub(super) depth: f64,
+}
+
+/// The ball of a handle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Reach {
+    /// Relative to the grid's origin (mm).
+    centre: Vector3<f64>,
+    /// (mm).
+    radius: f64,
+    /// Width of the fall-off beyond it (mm).
+    margin: f64,
+}
+
+impl Reach {
+    /// Radius with the margin (mm).
+    fn far(&self) -> f64 {
+        self.radius + self.margin
+    }
 }
 
 impl Region {
@@ -25,17 +43,69 @@ impl Region {
         band: &Band,
         depth: Option<f64>,
     ) -> Self {
-        let origin = World(motion.grid().origin().into());
-        let mut balls: Vec<(Vector3<f64>, f64)> =
-            motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin.0, b.radius)).collect();
-        if balls.is_empty() {
-            balls.extend(ball_of_moved(frame, positions));
-        }
+        let balls = balls_of(motion, frame, positions);
         let most = largest(frame);
         let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
-        let margin = band.margin.unwrap_or_else(|| (4.0 * most).max(least_margin(motion.grid())));
+        let margin = band.margin.unwrap_or_else(|| (WIDTHS * most).max(least_margin(motion.grid())));
         let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid().voxel_diagonal()));
-        Self { balls, margin, depth }
+        let balls = balls.into_iter().map(|(centre, radius)| Reach { centre, radius, margin }).collect();
+        Self { balls, depth }
+    }
+
+    /// The same with margins that follow the motion of each ball's own vertices: what a handle moves doesn't depend on how far others, far
+    /// from it, are moved. Where balls come to overlap, each takes over the other's margin by degrees.
+    ///
+    /// Its depth says nothing.
+    pub(super) fn of_each(motion: &Motion, frame: &Frame, positions: &[Vector3<f64>], band: &Band) -> Self {
+        let mut region = Self { depth: 0.0, ..Self::new(motion, frame, positions, band, None) };
+        if band.margin.is_some() || region.balls.len() < 2 {
+            return region;
+        }
+        let most = largest_of_each(&region.balls, frame, positions);
+        let least = least_margin(motion.grid());
+        let alone = |i: usize| (WIDTHS * most[i]).max(least);
+        let far = |i: usize| region.balls[i].radius + alone(i);
+        let shared = |i: usize, j: usize| {
+            let apart = (region.balls[i].centre - region.balls[j].centre).norm();
+            WIDTHS * most[j] * ((far(i) + far(j) - apart) / alone(j)).clamp(0.0, 1.0)
+        };
+        let count = region.balls.len();
+        let margins: Vec<f64> =
+            (0..count).map(|i| (0..count).map(|j| shared(i, j)).fold(alone(i), f64::max)).collect();
+        for (ball, margin) in region.balls.iter_mut().zip(margins) {
+            ball.margin = margin;
+        }
+        region
+    }
+
+    /// The parts of it that don't touch.
+    pub(super) fn parts(&self) -> Vec<Self> {
+        let mut parts: Vec<Vec<Reach>> = Vec::new();
+        for ball in &self.balls {
+            let touches = |other: &Reach| (ball.centre - other.centre).norm() <= ball.far() + other.far();
+            let (mut touched, others): (Vec<_>, Vec<_>) =
+                parts.into_iter().partition(|part: &Vec<Reach>| part.iter().any(touches));
+            parts = others;
+            touched.push(vec![*ball]);
+            parts.push(touched.concat());
+        }
+        parts.into_iter().map(|balls| Self { balls, depth: self.depth }).collect()
+    }
+
+    /// Whether another one has the same balls, whatever their margins.
+    pub(super) fn has_balls_of(&self, other: &Self) -> bool {
+        let same = |(one, other): (&Reach, &Reach)| one.centre == other.centre && one.radius == other.radius;
+        self.balls.len() == other.balls.len() && self.balls.iter().zip(&other.balls).all(same)
+    }
+
+    /// The widest margin (mm).
+    pub(super) fn margin(&self) -> f64 {
+        self.balls.iter().map(|ball| ball.margin).fold(0.0, f64::max)
+    }
+
+    /// Radius of the smallest ball, with the widest margin (mm): what goes by it needn't be fine for a ball that lies within another.
+    pub(super) fn narrowest(&self) -> f64 {
+        self.balls.iter().map(|ball| ball.radius).fold(f64::INFINITY, f64::min) + self.margin()
     }
 
     /// Where a drag that begins is likely to reach, where the margin follows the motion: each ball as for a motion of an eighth of
@@ -44,33 +114,37 @@ impl Region {
         if band.margin.is_some() {
             return self.clone();
         }
-        let wide = |radius: f64| self.margin.max(0.5 * radius);
-        let margin = wide(self.balls.iter().map(|b| b.1).fold(0.0, f64::max));
+        let wider = |ball: &Reach| Reach { margin: ball.margin.max(0.5 * ball.radius), ..*ball };
+        let wide: Vec<Reach> = self.balls.iter().map(wider).collect();
+        let margin = wide.iter().map(|ball| ball.margin).fold(0.0, f64::max);
         // The margin is the same for all; a smaller ball gives up what it has too much of it.
-        let balls =
-            self.balls.iter().map(|&(centre, radius)| (centre, radius + wide(radius) - margin)).collect();
-        Self { balls, margin, depth: self.depth }
+        let alike = |ball: Reach| Reach { radius: ball.far() - margin, margin, ..ball };
+        Self { balls: wide.into_iter().map(alike).collect(), depth: self.depth }
     }
 
-    /// The same with a margin that motions of about this length share, where the margin follows the motion: the next of a row, each √2 times the one
+    /// The same with margins that motions of about this length share, where they follow the motion: the next of a row, each √2 times the one
     /// before.
     ///
     /// - `least`: the smallest margin (mm).
     ///
     /// Its depth says nothing.
     pub(super) fn shared(&self, band: &Band, least: f64) -> Self {
-        if band.margin.is_some() {
-            return Self { depth: 0.0, ..self.clone() };
+        let mut shared = Self { depth: 0.0, ..self.clone() };
+        if band.margin.is_none() {
+            for ball in &mut shared.balls {
+                let steps = (2.0 * (ball.margin / least).log2()).ceil().max(0.0);
+                ball.margin = ball.margin.max(least * (0.5 * steps).exp2());
+            }
         }
-        let steps = (2.0 * (self.margin / least).log2()).ceil().max(0.0);
-        Self { balls: self.balls.clone(), margin: self.margin.max(least * (0.5 * steps).exp2()), depth: 0.0 }
+        shared
     }
 
     /// ω: 1 in the balls, 0 beyond the margin, `1 − Π (1 − ωᵢ)` over the balls in between.
     pub(super) fn weight(&self, point: Vector3<f64>) -> f64 {
         let mut still = 1.0;
-        for (centre, radius) in &self.balls {
-            let (squared, far) = ((point - centre).norm_squared(), radius + self.margin);
+        for ball in &self.balls {
+            let Reach { centre, radius, margin } = ball;
+            let (squared, far) = ((point - centre).norm_squared(), ball.far());
             // Most voxels lie beyond or within; a root and a quotient tell no more of them.
             if squared > far * far * (1.0 + 1e-12) {
                 continue;
@@ -78,25 +152,50 @@ impl Region {
             if *radius > 0.0 && squared < radius * radius * (1.0 - 1e-12) {
                 return 1.0;
             }
-            still *= 1.0 - smooth_fall((squared.sqrt() - radius) / self.margin);
+            still *= 1.0 - smooth_fall((squared.sqrt() - radius) / margin);
         }
         1.0 - still
     }
 
     /// Whether a point lies in one of the balls.
     pub(super) fn holds(&self, point: Vector3<f64>) -> bool {
-        self.balls.iter().any(|(centre, radius)| (point - centre).norm_squared() <= radius * radius)
+        self.balls.iter().any(|b| (point - b.centre).norm_squared() <= b.radius * b.radius)
     }
 
     /// Centres of the balls, relative to the grid's origin, and their radii with the margin (mm).
     pub(super) fn balls(&self) -> impl Iterator<Item = (Vector3<f64>, f64)> + '_ {
-        self.balls.iter().map(|(centre, radius)| (*centre, radius + self.margin))
+        self.balls.iter().map(|ball| (ball.centre, ball.far()))
     }
 
     /// The bricks that Ω may meet, ascending.
     pub(super) fn bricks(&self, grid: &Grid) -> Vec<usize> {
         grid.bricks_of_balls(self.balls())
     }
+}
+
+/// Centres of a motion's balls, relative to the grid's origin, and their radii (mm); where it names none, one that holds what is moved.
+fn balls_of(motion: &Motion, frame: &Frame, positions: &[Vector3<f64>]) -> Vec<(Vector3<f64>, f64)> {
+    let origin = World(motion.grid().origin().into());
+    let mut balls: Vec<(Vector3<f64>, f64)> =
+        motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin.0, b.radius)).collect();
+    if balls.is_empty() {
+        balls.extend(ball_of_moved(frame, positions));
+    }
+    balls
+}
+
+/// Largest motion (mm) of the vertices in each ball; one that lies in none counts for the ball that is nearest.
+fn largest_of_each(balls: &[Reach], frame: &Frame, positions: &[Vector3<f64>]) -> Vec<f64> {
+    let mut most = vec![0.0_f64; balls.len()];
+    for (motion, place) in frame.displacement.iter().zip(positions).filter(|(d, _)| **d != [0.0; 3]) {
+        let length = Vector3::from(*motion).norm();
+        let beyond = |ball: &Reach| (place - ball.centre).norm() - ball.radius;
+        let near = balls.iter().map(beyond).fold(f64::INFINITY, f64::min).max(0.0);
+        for (most, _) in most.iter_mut().zip(balls).filter(|(_, ball)| beyond(ball) <= near) {
+            *most = most.max(length);
+        }
+    }
+    most
 }
 
 /// The smallest margin that follows a motion (mm).
@@ -145,11 +244,12 @@ mod tests {
     #[test]
     fn looking_ahead_widens_each_ball_by_its_own_size() {
         let grid = sheared_grid([40, 33, 20]);
-        let balls = [(Vector3::repeat(5.0), 2.0), (Vector3::repeat(30.0), 40.0)].to_vec();
-        let region = Region { balls, margin: 3.0, depth: 40.0 };
+        let balls = [(Vector3::repeat(5.0), 2.0), (Vector3::repeat(30.0), 40.0)];
+        let balls = balls.map(|(centre, radius)| Reach { centre, radius, margin: 3.0 }).to_vec();
+        let region = Region { balls, depth: 40.0 };
         let ahead = region.ahead(&Band::default());
         assert_eq!(ahead.balls().map(|b| b.1).collect::<Vec<_>>(), [5.0, 60.0]);
-        assert_eq!(ahead.margin, 20.0);
+        assert_eq!(ahead.margin(), 20.0);
         // A ball that gave up more than it has covers what it covered, no more.
         let at = |distance: f64| Vector3::repeat(5.0) - Vector3::x() * distance;
         let small = Region { balls: ahead.balls[..1].to_vec(), ..ahead };
@@ -158,6 +258,40 @@ mod tests {
         assert!(small.bricks(&grid).len() < region.bricks(&grid).len());
         let fixed = Band { margin: Some(3.0), ..Band::default() };
         assert_eq!(region.ahead(&fixed), region);
+    }
+
+    #[test]
+    fn margins_follow_each_handles_own_motion_and_grow_by_degrees_where_balls_meet() {
+        let grid = Grid::with_spacing([300, 20, 20], [1.0; 3]).unwrap();
+        // A ball of 5 mm whose vertex moves by 2 mm, and one of 10 mm, moved by 8, that comes nearer.
+        let region = |apart: f64, given: Option<f64>| {
+            let positions = [Vector3::zeros(), Vector3::x() * apart, Vector3::x() * 400.0];
+            let displacement = vec![[2.0, 0.0, 0.0], [0.0, 0.0, 8.0], [0.0; 3]].into();
+            let ball = |x: f64, radius| Ball { centre: [x, 0.0, 0.0], radius };
+            let motion = Motion::new(grid.clone(), 3, vec![]).unwrap();
+            let motion = motion.with_reach(vec![ball(0.0, 5.0), ball(apart, 10.0)]).unwrap();
+            let frame = Frame { time: 0.0, displacement };
+            Region::of_each(&motion, &frame, &positions, &Band { margin: given, ..Band::default() })
+        };
+        let margins = |apart| region(apart, None).balls.iter().map(|b| b.margin).collect::<Vec<_>>();
+        assert_eq!(margins(56.0), [8.0, 32.0], "four times the own motion");
+        assert_eq!(region(56.0, None).parts().len(), 2);
+        assert_eq!((margins(55.0), region(55.0, None).parts().len()), (vec![8.0, 32.0], 1));
+        assert_eq!(margins(12.0), [32.0, 32.0], "one within the other");
+        let mut before = margins(56.0)[0];
+        for step in 0..440 {
+            let margin = margins(56.0 - 0.1 * f64::from(step))[0];
+            assert!((before..=before + 0.11).contains(&margin), "{margin} after {before}");
+            before = margin;
+        }
+        let given = region(56.0, Some(3.0));
+        assert!(given.balls.iter().all(|ball| ball.margin == 3.0) && given.parts().len() == 2);
+        // Chains are one part, wherever they begin.
+        let reach = |x: f64| Reach { centre: Vector3::x() * x, radius: 1.0, margin: 1.5 };
+        let parts = Region { balls: [0.0, 8.0, 20.0, 4.0, 26.0].map(reach).to_vec(), depth: 0.0 }.parts();
+        let starts: Vec<Vec<f64>> =
+            parts.iter().map(|part| part.balls.iter().map(|b| b.centre.x).collect()).collect();
+        assert_eq!(starts, [vec![20.0], vec![0.0, 8.0, 4.0], vec![26.0]]);
     }
 
     #[test]

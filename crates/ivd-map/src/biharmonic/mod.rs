@@ -7,7 +7,9 @@
 //! r minimises  ∫ ‖∇²r‖² + Σ_v ‖A_ω(x_v) + ω(x_v) r(x_v) − U_v‖² / σ²
 //! ```
 //!
-//! - Ω and its window `ω` are those of [the page above](super): 1 in the handles' balls, 0 with its slope on ∂Ω.
+//! - Ω and its window `ω` are those of [the page above](super): 1 in the handles' balls, 0 with its slope on ∂Ω. Without a margin that is
+//!   given, each ball has one of four times the largest motion of its own vertices, and takes over that of a ball that it overlaps, by
+//!   degrees. Parts of Ω that don't touch are found apart: what one handle moves, another far from it changes by no bit.
 //! - `r` is trilinear on cells of 4³ voxels ([`BiharmonicParams::cell`]), fewer along axes of long voxels and in a small Ω,
 //!   eight along short ones where slices lie eight of these apart. The
 //!   integral is the discrete one of [`energy`], in world space; the sum is over the vertices, at their places between the
@@ -53,6 +55,7 @@ mod field;
 mod matrix;
 mod multigrid;
 mod nodes;
+mod parts;
 mod step;
 mod system;
 mod tension;
@@ -68,10 +71,10 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::alone::cut;
-use super::frame::{check_size, frame_of, moving_bricks};
+use super::frame::{check_size, frame_of};
 use super::limit::as_far;
 use super::outcome::{SolveFigures, misfit as misfit_of};
-use super::region::{Region, largest, least_margin};
+use super::region::Region;
 use super::relax::relax;
 use super::settle::Settle;
 use super::{BiharmonicParams, MapResult, MapUpdate, Outside};
@@ -95,8 +98,6 @@ const SMALLEST: f64 = 1.0 / 16.0;
 const ONE_WAY: f64 = 0.95;
 /// How far a voxel may move, relative to the largest motion of what is followed.
 const OVERSHOOT: f64 = 1.02;
-/// Nodes of other regions whose equations a drag keeps: some 8 kB each.
-const KEPT: usize = 20_000;
 
 /// A lattice, ready to be mapped frame by frame; keeps equations and the last frame's nodes.
 pub struct Biharmonic<L> {
@@ -122,6 +123,8 @@ struct Last {
     nodes: Vec<Triple>,
     /// The same equations under the first tensions.
     tense: Vec<System>,
+    /// The field that was made with them for a drag, and of what.
+    made: Option<(Region, Vec<Vector3<f64>>, Made)>,
 }
 
 /// A frame to be mapped.
@@ -141,6 +144,7 @@ struct Job<'a> {
 }
 
 /// A field that was made, the rounds of repair that it took, and how its equations were solved.
+#[derive(Clone)]
 struct Made {
     field: FieldBricks,
     repairs: u32,
@@ -231,51 +235,25 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         exec.run(|| {
             self.take_inner(motion.inner());
             self.take_roles(motion);
-            let grid = self.lattice.grid();
-            let region = Region::new(motion, frame, &self.positions, &params.band, None);
-            let bricks = moving_bricks(grid, &region, frame, exec)?;
-            if largest(frame) == 0.0 {
-                let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
-                let still = Made {
-                    field: FieldBricks::of_bricks(grid.dims(), &bricks, zeros.into())?,
-                    repairs: 0,
-                    solved: None,
-                };
-                let settle = Settle {
-                    lattice: &self.lattice,
-                    alone: None,
-                    region: &region,
-                    motion,
-                    frame,
-                    band: &params.band,
-                };
-                return settled(&settle, still, exec);
-            }
+            let band = &params.band;
             let inner = motion.inner().frames.get(number).into_iter().flat_map(|frame| &frame[..]);
             let motions: Vec<Vector3<f64>> =
                 frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
-            let aim = Aim::new(&self.positions, &motions, &region);
-            let (lattice, band) = (&*self.lattice, &params.band);
-            // Beyond its own region an affine part has nothing to take back.
-            let shared = || region.shared(band, least_margin(grid));
-            let room = if aim.is_affine() { region.clone() } else { shared() };
-            let settle =
-                Settle { lattice, alone: self.inside.as_ref(), region: &region, motion, frame, band };
-            let job = Job {
+            let mut region = Region::new(motion, frame, &self.positions, band, None);
+            if !Aim::new(&self.positions, &motions, &region).is_affine() {
+                region = Region::of_each(motion, frame, &self.positions, band);
+            }
+            let settle = Settle {
+                lattice: &self.lattice,
+                alone: self.inside.as_ref(),
                 region: &region,
-                room: &room,
+                motion,
                 frame,
-                motions: &motions,
-                aim: &aim,
-                bricks: &bricks,
-                settle: &settle,
-                edge: params.cell,
-                tension: 0.0,
+                band,
             };
             let mut kept = std::mem::take(&mut self.kept);
             let outcome = self
-                .equations(&mut kept, &job, exec)
-                .and_then(|()| self.follow(&job, &mut kept[0], exec))
+                .in_parts(&mut kept, &settle, &motions, params, exec)
                 .and_then(|made| settled(&settle, made, exec));
             if outcome.is_err() {
                 // Another try begins as if there had been none.
@@ -311,36 +289,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             self.constrains = constrains;
             self.kept.clear();
         }
-    }
-
-    /// Brings the equations of a job's room before those of the last frames: the same ones where it had one of their rooms, else new ones that start from the last
-    /// nodes.
-    fn equations(&self, kept: &mut Vec<Last>, job: &Job<'_>, exec: &Exec) -> Result<(), Error> {
-        if let Some(at) = kept.iter().position(|last| last.region == *job.room && last.edge == job.edge) {
-            kept[..=at].rotate_right(1);
-            return Ok(());
-        }
-        let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
-        // Rows of the matrix and its levels, mostly of 60 entries.
-        exec.check_memory("the equations of the map", 3 * 60 * 12 * cells.nodes.free.len() as u64)?;
-        let start =
-            kept.first().filter(|last| !last.nodes.is_empty() && last.system.cells.step == cells.step);
-        let nodes = start.map_or_else(Vec::new, |last| {
-            let value = |node: &[i32; 3]| last.system.cells.nodes.free.find(*node).map(|i| last.nodes[i]);
-            cells.nodes.free.all().iter().map(|node| value(node).unwrap_or_default()).collect()
-        });
-        let system = self.system(cells, job.room, &self.voxels, 0.0);
-        kept.insert(0, Last { region: job.room.clone(), edge: job.edge, system, nodes, tense: Vec::new() });
-        // Where memory is limited, it isn't spent on what may not be asked for again.
-        let mut left = if self.keeps && exec.memory_limit.is_none() { KEPT } else { 0 };
-        let fits = |last: &Last| {
-            let many = last.system.cells.nodes.free.len();
-            left = left.checked_sub(many)?;
-            Some(())
-        };
-        let many = 1 + kept[1..].iter().map_while(fits).count();
-        kept.truncate(many);
-        Ok(())
     }
 
     /// The field of a frame; the nodes are kept. Where vertices go one way and a voxel goes further than any of them, as bent plates do beside

@@ -144,7 +144,7 @@ pub(super) struct Cells {
 impl Cells {
     /// The cells of a region. `edge`: voxels along the longest edge of a cell, a power of two.
     pub(super) fn new(grid: &Grid, region: &Region, edge: Option<u8>) -> Self {
-        let step = grid.cell_steps(edge, region.balls().map(|b| b.1).fold(f64::INFINITY, f64::min));
+        let step = grid.cell_steps(edge, region.narrowest());
         // Vertices lie up to a voxel beyond the grid.
         let low = [-2; 3];
         let high = std::array::from_fn(|a| ((grid.dims()[a] + 1).div_ceil(step[a]) + 1) as i32);

@@ -15,7 +15,7 @@ const ACROSS: f64 = 4.0;
 
 /// The cells of Ω, at most a quarter of the margin long.
 pub(super) fn cells(lattice: &Lattice, region: &Region, edge: Option<u8>) -> Cells {
-    Cells::new(lattice.grid(), region.balls().collect(), edge, region.margin / ACROSS)
+    Cells::new(lattice.grid(), region.balls().collect(), edge, region.margin() / ACROSS)
 }
 
 /// The body of a scene; the pulls' goals are 0 yet.

@@ -1,0 +1,270 @@
+//! The parts of a frame: what handles move that are far from each other is found apart.
+//!
+//! Beyond its own Ω a part moves nothing, so that the field of a frame is that of all its parts together. Each has equations of its own,
+//! which are solved in fewer iterations than all at once, and in a drag one whose vertices go where they went is not found again.
+
+use std::ops::Deref;
+
+use ivd_core::{Exec, FieldBricks, Frame, Lattice};
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::super::frame::moving_bricks;
+use super::super::outcome::SolveFigures;
+use super::super::region::{largest, least_margin};
+use super::super::settle::Settle;
+use super::nodes::Cells;
+use super::step::Aim;
+use super::{Biharmonic, Job, Last, Made};
+use crate::{BiharmonicParams, Error};
+
+/// Nodes of other regions whose equations a drag keeps: some 8 kB each.
+const KEPT: usize = 20_000;
+
+impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
+    /// The field of a frame.
+    ///
+    /// - `whole`: what it is held against.
+    /// - `motions`: of vertices and inner points (mm).
+    pub(super) fn in_parts(
+        &self,
+        kept: &mut Vec<Last>,
+        whole: &Settle<'_>,
+        motions: &[Vector3<f64>],
+        params: &BiharmonicParams,
+        exec: &Exec,
+    ) -> Result<Made, Error> {
+        let grid = self.lattice.grid();
+        let bricks = moving_bricks(grid, whole.region, whole.frame, exec)?;
+        if largest(whole.frame) == 0.0 {
+            let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
+            let field = FieldBricks::of_bricks(grid.dims(), &bricks, zeros.into())?;
+            return Ok(Made { field, repairs: 0, solved: None });
+        }
+        let parts = whole.region.parts();
+        if parts.len() == 1 {
+            return self.part(kept, (whole, motions, &bricks), 0, params, exec);
+        }
+        let mut made = Vec::new();
+        for region in &parts {
+            exec.check_cancelled()?;
+            // What lies beyond a part stands still for it.
+            let of_part = |(at, motion): (&Vector3<f64>, &Vector3<f64>)| {
+                if region.weight(*at) > 0.0 { *motion } else { Vector3::zeros() }
+            };
+            let motions: Vec<_> = self.positions.par_iter().zip(motions.par_iter()).map(of_part).collect();
+            let displacement: Vec<[f64; 3]> =
+                motions[..self.lattice.keys().len()].iter().map(|u| (*u).into()).collect();
+            let frame = Frame { time: whole.frame.time, displacement: displacement.into() };
+            if motions.iter().all(|u| *u == Vector3::zeros()) {
+                continue;
+            }
+            let bricks = moving_bricks(grid, region, &frame, exec)?;
+            let settle = Settle { region, frame: &frame, ..*whole };
+            made.push(self.part(kept, (&settle, &motions, &bricks), parts.len() - 1, params, exec)?);
+        }
+        let dims = grid.dims();
+        Ok(Made {
+            field: together(dims, &bricks, &made)?,
+            repairs: made.iter().map(|part| part.repairs).sum(),
+            solved: made.iter().filter_map(|part| part.solved).reduce(both),
+        })
+    }
+
+    /// The field of a part, or of a frame that is one.
+    ///
+    /// - `others`: how many parts there are beside it.
+    fn part(
+        &self,
+        kept: &mut Vec<Last>,
+        (settle, motions, bricks): (&Settle<'_>, &[Vector3<f64>], &[usize]),
+        others: usize,
+        params: &BiharmonicParams,
+        exec: &Exec,
+    ) -> Result<Made, Error> {
+        let (region, band) = (settle.region, &params.band);
+        let aim = Aim::new(&self.positions, motions, region);
+        // Beyond its own region an affine part has nothing to take back.
+        let shared = || region.shared(band, least_margin(self.lattice.grid()));
+        let room = if aim.is_affine() { region.clone() } else { shared() };
+        let job = Job {
+            region,
+            room: &room,
+            frame: settle.frame,
+            motions,
+            aim: &aim,
+            bricks,
+            settle,
+            edge: params.cell,
+            tension: 0.0,
+        };
+        self.equations(kept, &job, others, exec)?;
+        // A drag begins at rest: what is told the same goes the same way.
+        let keeps = self.keeps && others > 0 && exec.memory_limit.is_none();
+        if keeps
+            && exec.skip
+            && let Some((same, asked, made)) = &kept[0].made
+            && same == region
+            && asked == motions
+        {
+            return Ok(made.clone());
+        }
+        kept[0].made = None;
+        let made = self.follow(&job, &mut kept[0], exec)?;
+        if keeps {
+            kept[0].made = Some((region.clone(), motions.to_vec(), made.clone()));
+        }
+        Ok(made)
+    }
+
+    /// Brings the equations of a job's room before those of the last frames: the same ones where it had one of their rooms, else new ones that start from the last
+    /// nodes.
+    ///
+    /// - `others`: of so many parts the equations stay, whatever else is kept.
+    fn equations(
+        &self,
+        kept: &mut Vec<Last>,
+        job: &Job<'_>,
+        others: usize,
+        exec: &Exec,
+    ) -> Result<(), Error> {
+        if let Some(at) = kept.iter().position(|last| last.region == *job.room && last.edge == job.edge) {
+            kept[..=at].rotate_right(1);
+            return Ok(());
+        }
+        let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
+        // Rows of the matrix and its levels, mostly of 60 entries.
+        exec.check_memory("the equations of the map", 3 * 60 * 12 * cells.nodes.free.len() as u64)?;
+        let mut before = kept.iter().take(1 + others);
+        let before = before.find(|last| others == 0 || last.region.has_balls_of(job.room));
+        let start = before.filter(|last| !last.nodes.is_empty() && last.system.cells.step == cells.step);
+        let nodes = start.map_or_else(Vec::new, |last| {
+            let value = |node: &[i32; 3]| last.system.cells.nodes.free.find(*node).map(|i| last.nodes[i]);
+            cells.nodes.free.all().iter().map(|node| value(node).unwrap_or_default()).collect()
+        });
+        let system = self.system(cells, job.room, &self.voxels, 0.0);
+        let (region, edge) = (job.room.clone(), job.edge);
+        kept.insert(0, Last { region, edge, system, nodes, tense: Vec::new(), made: None });
+        // Where memory is limited, it isn't spent on what may not be asked for again.
+        let mut left = if self.keeps && exec.memory_limit.is_none() { KEPT } else { 0 };
+        let fits = |last: &Last| {
+            let many = last.system.cells.nodes.free.len();
+            left = left.checked_sub(many)?;
+            Some(())
+        };
+        let spared = kept.len().min(1 + others);
+        let many = spared + kept[spared..].iter().map_while(fits).count();
+        kept.truncate(many);
+        Ok(())
+    }
+}
+
+/// How the equations of two parts were solved.
+fn both(one: SolveFigures, other: SolveFigures) -> SolveFigures {
+    SolveFigures {
+        nodes: one.nodes + other.nodes,
+        iterations: one.iterations + other.iterations,
+        residual: one.residual.max(other.residual),
+        increments: one.increments.max(other.increments),
+    }
+}
+
+/// The fields of parts as one, in the bricks of their frame; no voxel moves in two of them.
+fn together(dims: [usize; 3], bricks: &[usize], parts: &[Made]) -> Result<FieldBricks, Error> {
+    let mut vectors = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
+    vectors.par_chunks_exact_mut(FieldBricks::VOXELS).zip(bricks).for_each(|(out, brick)| {
+        for part in parts.iter().filter_map(|part| part.field.brick(*brick)) {
+            for (out, vector) in out.iter_mut().zip(part).filter(|(_, vector)| **vector != [0.0; 3]) {
+                *out = *vector;
+            }
+        }
+    });
+    Ok(FieldBricks::of_bricks(dims, bricks, vectors.into())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use ivd_core::Grid;
+    use ivd_field::fixtures::{bump, middle, voxels};
+
+    use super::*;
+    use crate::Outside;
+    use crate::tests::{Scene, scene};
+
+    /// A bar with a push of some lengths (mm) at each end.
+    fn pushed(lengths: [f64; 2]) -> Scene {
+        let grid = Grid::with_spacing([72, 30, 30], [1.0; 3]).unwrap();
+        let centre = middle(&grid);
+        let bar = move |p: Vector3<f64>| {
+            let (along, across) = ((p - centre).x.abs(), (p - centre).yz().norm());
+            (32.0 - along).min(7.0 - across)
+        };
+        let ends = [-1.0, 1.0].map(|way| centre + Vector3::new(way * 24.0, 0.0, 7.0));
+        let pushes = [0, 1].map(|i| bump(ends[i], 6.0, Vector3::z() * -lengths[i]));
+        let moves = move |p: Vector3<f64>| pushes.iter().map(|push| push(p)).sum();
+        scene(&grid, bar, moves, &ends.map(|end| (end, 6.0)))
+    }
+
+    #[test]
+    fn what_one_handle_moves_another_far_from_it_does_not_change_by_a_bit() {
+        let exec = Exec::default();
+        let params = BiharmonicParams::default();
+        let of = |lengths| pushed(lengths).smooth(&params, &exec).unwrap();
+        let [both, one, other] = [of([0.7, 2.5]), of([0.7, 0.0]), of([0.0, 2.5])];
+        let forward = |mapped: &crate::MapResult, v| mapped.displacement.forward().at(v);
+        let inverse = |mapped: &crate::MapResult, v| mapped.displacement.inverse().at(v);
+        let mut moved = [0; 2];
+        for voxel in voxels(pushed([1.0; 2]).lattice.grid()) {
+            let alone = if forward(&one, voxel) == [0.0; 3] { &other } else { &one };
+            let at = forward(&both, voxel);
+            assert_eq!(at, forward(alone, voxel), "{voxel:?}");
+            assert!(forward(&one, voxel) == [0.0; 3] || forward(&other, voxel) == [0.0; 3], "{voxel:?}");
+            let alone = if inverse(&one, voxel) == [0.0; 3] { &other } else { &one };
+            assert_eq!(inverse(&both, voxel), inverse(alone, voxel), "{voxel:?}");
+            moved[usize::from(voxel.0[0] > 36)] += usize::from(at != [0.0; 3]);
+        }
+        // The longer way takes more room.
+        assert!(moved[0] > 500 && moved[1] > 2 * moved[0], "{moved:?}");
+        let [both, one, other] = [both, one, other].map(|mapped| mapped.figures.solved.unwrap());
+        assert_eq!(
+            (both.nodes, both.iterations),
+            (one.nodes + other.nodes, one.iterations + other.iterations)
+        );
+    }
+
+    #[test]
+    fn a_drag_of_one_part_gives_what_each_motion_gives_alone_and_finds_the_other_once() {
+        let exec = Exec::default();
+        let params = BiharmonicParams::default();
+        let rest = pushed([0.7, 0.0]);
+        let mut dragged = Biharmonic::new(&rest.lattice, Outside::Band, &exec).unwrap();
+        for lengths in [[0.7, 0.0], [0.7, 0.4], [0.7, 2.5], [0.9, 2.5], [0.7, -1.0], [0.7, 0.4]] {
+            let scene = pushed(lengths);
+            let moved = dragged.drag(&scene.motion, 0, &params, &exec).unwrap();
+            let alone = scene.smooth(&params, &exec).unwrap();
+            assert!(moved.displacement == alone.displacement, "{lengths:?}");
+            let at = dragged.kept.iter().filter(|last| last.made.is_some()).count();
+            assert!((1..=dragged.kept.len()).contains(&at), "{lengths:?}");
+        }
+        // What is kept of a part that stands is given out, be it false; not where nothing is to be skipped.
+        let spoil = |dragged: &mut Biharmonic<_>| {
+            for last in &mut dragged.kept {
+                if let Some((.., made)) = &mut last.made {
+                    made.field = FieldBricks::zero(made.field.dims());
+                }
+            }
+        };
+        let scene = pushed([0.7, 1.1]);
+        let alone = scene.smooth(&params, &exec).unwrap().displacement;
+        let top = ivd_core::VoxelIndex([11, 15, 21]);
+        assert!(alone.forward().at(top)[2] < -0.3);
+        spoil(&mut dragged);
+        let moved = dragged.drag(&scene.motion, 0, &params, &exec).unwrap().displacement;
+        assert_eq!(moved.forward().at(top), [0.0; 3]);
+        let mut plain = Exec::default();
+        plain.skip = false;
+        spoil(&mut dragged);
+        let moved = dragged.drag(&scene.motion, 0, &params, &plain).unwrap().displacement;
+        assert!(voxels(scene.lattice.grid()).all(|v| moved.forward().at(v) == alone.forward().at(v)));
+    }
+}
