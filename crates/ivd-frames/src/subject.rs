@@ -219,7 +219,7 @@ impl Subject {
 
     /// What was said of it, each with who said it, and what isn't shown of it.
     pub fn notes(&self) -> impl Iterator<Item = String> {
-        let who = if self.is_chosen { "chosen" } else { "in this scene" };
+        let who = if self.is_chosen { "chosen at opening" } else { "in this scene" };
         let plain = self.is_plain.then(|| PLAIN.to_owned());
         self.said.iter().map(move |said| format!("{who}: {said}")).chain(plain)
     }

@@ -43,9 +43,13 @@ impl Tool {
     pub fn hint(self) -> &'static str {
         match self {
             Self::Turn => "drag the volume to turn it, in a slice to move the cross hair",
-            Self::Handle => "drag from a surface in any picture; wheel on a handle: its radius",
+            Self::Handle => {
+                "drag from a surface in any picture; wheel over a handle that is there: its radius"
+            }
             Self::Pin => "press, in any picture, on what is to stay where it is",
-            Self::Incise => "draw a line over the body, in any picture",
+            Self::Incise => {
+                "draw a line over the body, in any picture: it is cut as deep as half the line is long"
+            }
             Self::Bone => {
                 "draw a line along it: what lies round it moves as one; from a bone's end: their joint"
             }
@@ -80,7 +84,7 @@ pub const KEYS: [(&str, &str); 15] = [
     ("Pin", "left: hold what is there"),
     (
         "Incise",
-        "left: draw a line over the body, in a slice or in the volume: it is cut open along it, straight away from you",
+        "left: draw a line over the body, in a slice or in the volume: it is cut open along it, straight away from you, as deep as half the line is long",
     ),
     (
         "Measure",

@@ -14,7 +14,7 @@ const LEAST: f64 = 1e-2;
 /// How what is pulled takes the rest along.
 const FOLLOWS: &str = "How the surface round a handle goes along. Distance alone: less the further it is, as far as the radius, as stiff everywhere. Springs: all of it resists, each place as stiff as its class, which can be chosen at the classes then; voxels stay behind where they would fold";
 /// What a class's stiffness counts for.
-const CLASSES: &str = "Classes along the surface that is moved. It shows where something is pulled with a force, or where two of them lie within reach.";
+const CLASSES: &str = "Classes along the surface that is moved. It changes something only where two of them lie within reach, or where something is pulled with a force.";
 
 impl Window {
     /// Shows by what the lattice follows.

@@ -10,7 +10,7 @@ use crate::window::Window;
 /// Level that the slider ends at; higher ones have a handful of vertices.
 const LEVELS: u8 = 8;
 /// Where stiffness shows.
-const STIFFNESS: &str = "Of springs. It shows where something is pulled with a force, or where matter differs: what is moved goes where the hand is, however stiff all of it is.";
+const STIFFNESS: &str = "Of springs. It changes something only where matter differs, or where something is pulled with a force: what is moved goes where the hand is, however stiff all of it is.";
 /// Where it doesn't.
 const NO_STIFFNESS: &str = "By distance alone the surface goes where the hand is, however stiff it is. Let it follow by springs (below) to make all of it stiffer, or one class";
 /// What fades.

@@ -10,7 +10,12 @@ use crate::window::Window;
 const MEANS: &str = "Largest motion: of any voxel. Volume kept: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
 
 /// What a click on a warning does.
-const WHERE: &str = "A click brings the slices where most is squeezed, with colours that tell how much.";
+const WHERE: &str = "A click brings the slices where most is squeezed, with colours that tell how much. A larger radius or a smaller move squeezes less.";
+/// What it means that voxels stay behind.
+const STAY_BEHIND: &str = "Where all of what the surface does would fold space, the voxels about it go less far than it says: by so much at most. A larger radius or a smaller move leaves less behind.";
+/// What it means that something is cut off.
+const CUT_OFF: &str =
+    "What is moved out of the scan is in no picture and no file: there are no voxels for it.";
 
 /// What stopping does.
 const STOPS: &str = "Nothing of what is worked on is done (Esc).";
@@ -65,15 +70,18 @@ impl Window {
     pub(crate) fn warning(&mut self, ui: &mut Ui) {
         let Some([squeezed, left, cut_off]) = self.shown.figures().map(warned) else { return };
         let warn = |text: String| egui::RichText::new(text).color(ui.visuals().warn_fg_color);
-        let (squeezed, others) = (squeezed.map(warn), [cut_off.map(warn), left.map(warn)]);
+        let squeezed = squeezed.map(warn);
+        let others = [(cut_off.map(warn), CUT_OFF), (left.map(warn), STAY_BEHIND)];
         if let Some(squeezed) = squeezed {
             let button = egui::Button::new(squeezed).frame(false).wrap_mode(egui::TextWrapMode::Truncate);
             if ui.add(button).on_hover_text(WHERE).clicked() {
                 self.ask(Request::ShowSqueezed);
             }
         }
-        for other in others.into_iter().flatten() {
-            ui.add(egui::Label::new(other).truncate());
+        for (other, means) in others {
+            if let Some(other) = other {
+                ui.add(egui::Label::new(other).truncate()).on_hover_text(means);
+            }
         }
     }
 

@@ -63,7 +63,7 @@ impl Model {
         self.let_go_of_handles()?;
         let settings = self.session.settings();
         if matches!(settings.physics, Physics::Ring(_)) {
-            return Err(wrong("rings know no bones", "let the lattice follow by springs first"));
+            return Err(wrong("distance alone knows no bones", "let the surface follow by springs first"));
         }
         no_more_than(MOST_HANDLES, settings.bones.len())?;
         let [from, to] = ends;

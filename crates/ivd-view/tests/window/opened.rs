@@ -47,7 +47,9 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     let overrides = vec!["segment.k=3".parse().unwrap()];
     let mut here = Here::new(folder, Some(Source { file: Some(file), overrides, input: None }), None);
     here.settle();
-    for chosen in ["chosen: the part", "chosen: the material", "chosen: level"] {
+    for chosen in
+        ["chosen at opening: the part", "chosen at opening: the material", "chosen at opening: level"]
+    {
         assert!(here.has(chosen), "{chosen}");
     }
     let class = here.figures().classes.first().unwrap().clone();
@@ -259,7 +261,7 @@ fn a_scene_says_what_is_made_of_it_and_that_nothing_was_chosen() {
     ] {
         assert!(here.has(told), "{told}");
     }
-    assert!(!here.has("chosen: "));
+    assert!(!here.has("chosen at opening: "));
 }
 
 #[test]
