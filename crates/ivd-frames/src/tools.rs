@@ -43,9 +43,7 @@ impl Tool {
     pub fn hint(self) -> &'static str {
         match self {
             Self::Turn => "drag the volume to turn it, in a slice to move the cross hair",
-            Self::Handle => {
-                "drag from a surface in any picture; wheel over a handle that is there: its radius"
-            }
+            Self::Handle => "drag from a surface in any picture; wheel over an existing handle: its radius",
             Self::Pin => "press, in any picture, on what is to stay where it is",
             Self::Incise => {
                 "draw a line over the body, in any picture: it is cut as deep as half the line is long"

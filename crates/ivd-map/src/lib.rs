@@ -62,7 +62,7 @@
 //! u = A_ω + ω r,      r minimises  ∫ ‖∇²r‖² + Σ_v ‖A_ω(x_v) + ω(x_v) r(x_v) − U_v‖² / σ²
 //! ```
 //!
-//! `r` is trilinear on cells of some 4³ voxels in the same kind of `Ω`, but that each ball has a margin of its own; 0 with its slope on `∂Ω`; the integral is in world space. `A` is
+//! `r` is trilinear on cells of some 4³ voxels in the same kind of `Ω`, except that each ball has a margin of its own; 0 with its slope on `∂Ω`; the integral is in world space. `A` is
 //! the affine motion of the whole lattice where that explains it to a quarter, and exact in the balls. Motion is smooth through
 //! the lattice, rotations are followed inside, and there is no depth or weight to choose. A motion that folds in one step is
 //! made in parts, down to a sixteenth of it, each from where the one before has brought the vertices.

@@ -57,7 +57,7 @@ pub struct SurfaceFit {
     pub volume_mm3: [f64; 2],
 }
 
-/// How the equations of a map's nodes were solved.
+/// How the equations of a map's nodes were solved; of several parts together.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 pub struct SolveFigures {
     /// Nodes that are free to move.

@@ -86,7 +86,7 @@ impl Elastic {
 #[serde(default)]
 pub struct Band {
     /// Width of the band outside the lattice and of the fall-off beyond the reach. Without it four times the largest motion (by `biharmonic`
-    /// that of each handle's own vertices), at least two voxel diagonals.
+    /// that of each handle's own vertices, or of a handle that it overlaps), at least two voxel diagonals.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub margin: Option<f64>,
     /// What happens outside the lattice.

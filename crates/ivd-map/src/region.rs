@@ -1,6 +1,7 @@
 use ivd_core::{Frame, Grid, Motion, World};
 use ivd_field::falloff::smooth_fall;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use super::params::Band;
 
@@ -53,7 +54,7 @@ impl Region {
     }
 
     /// The same with margins that follow the motion of each ball's own vertices: what a handle moves doesn't depend on how far others, far
-    /// from it, are moved. Where balls come to overlap, each takes over the other's margin by degrees.
+    /// from it, are moved. Where balls come to overlap, each adopts the other's margin by degrees.
     ///
     /// Its depth says nothing.
     pub(super) fn of_each(motion: &Motion, frame: &Frame, positions: &[Vector3<f64>], band: &Band) -> Self {
@@ -78,18 +79,27 @@ impl Region {
         region
     }
 
-    /// The parts of it that don't touch.
+    /// The parts of it that don't touch, each with its balls in their order.
     pub(super) fn parts(&self) -> Vec<Self> {
-        let mut parts: Vec<Vec<Reach>> = Vec::new();
-        for ball in &self.balls {
-            let touches = |other: &Reach| (ball.centre - other.centre).norm() <= ball.far() + other.far();
+        let mut parts: Vec<Vec<usize>> = Vec::new();
+        for (i, ball) in self.balls.iter().enumerate() {
+            let touches = |other: &usize| {
+                let other = &self.balls[*other];
+                (ball.centre - other.centre).norm() <= ball.far() + other.far()
+            };
             let (mut touched, others): (Vec<_>, Vec<_>) =
-                parts.into_iter().partition(|part: &Vec<Reach>| part.iter().any(touches));
+                parts.into_iter().partition(|part: &Vec<usize>| part.iter().any(touches));
             parts = others;
-            touched.push(vec![*ball]);
+            touched.push(vec![i]);
             parts.push(touched.concat());
         }
-        parts.into_iter().map(|balls| Self { balls, depth: self.depth }).collect()
+        // Rounding goes by the order of balls: it is the same whatever lies beside a part.
+        for part in &mut parts {
+            part.sort_unstable();
+        }
+        parts.sort_unstable();
+        let of = |part: Vec<usize>| part.into_iter().map(|i| self.balls[i]).collect();
+        parts.into_iter().map(|part| Self { balls: of(part), depth: self.depth }).collect()
     }
 
     /// Whether another one has the same balls, whatever their margins.
@@ -103,7 +113,13 @@ impl Region {
         self.balls.iter().map(|ball| ball.margin).fold(0.0, f64::max)
     }
 
-    /// Radius of the smallest ball, with the widest margin (mm): what goes by it needn't be fine for a ball that lies within another.
+    /// How far a point lies beyond it (mm); below 0 within.
+    pub(super) fn beyond(&self, point: Vector3<f64>) -> f64 {
+        let beyond = |ball: &Reach| (point - ball.centre).norm() - ball.far();
+        self.balls.iter().map(beyond).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Radius of the smallest ball, with the widest margin (mm): cells go by it, which are of one size for all balls.
     pub(super) fn narrowest(&self) -> f64 {
         self.balls.iter().map(|ball| ball.radius).fold(f64::INFINITY, f64::min) + self.margin()
     }
@@ -186,16 +202,27 @@ fn balls_of(motion: &Motion, frame: &Frame, positions: &[Vector3<f64>]) -> Vec<(
 
 /// Largest motion (mm) of the vertices in each ball; one that lies in none counts for the ball that is nearest.
 fn largest_of_each(balls: &[Reach], frame: &Frame, positions: &[Vector3<f64>]) -> Vec<f64> {
-    let mut most = vec![0.0_f64; balls.len()];
-    for (motion, place) in frame.displacement.iter().zip(positions).filter(|(d, _)| **d != [0.0; 3]) {
+    let none = || vec![0.0_f64; balls.len()];
+    let count = |mut most: Vec<f64>, (motion, place): (&[f64; 3], &Vector3<f64>)| {
         let length = Vector3::from(*motion).norm();
-        let beyond = |ball: &Reach| (place - ball.centre).norm() - ball.radius;
-        let near = balls.iter().map(beyond).fold(f64::INFINITY, f64::min).max(0.0);
-        for (most, _) in most.iter_mut().zip(balls).filter(|(_, ball)| beyond(ball) <= near) {
+        let squared = |ball: &Reach| (place - ball.centre).norm_squared();
+        let mut is_in_one = false;
+        for (most, _) in most.iter_mut().zip(balls).filter(|(_, b)| squared(b) <= b.radius * b.radius) {
             *most = most.max(length);
+            is_in_one = true;
         }
-    }
-    most
+        if !is_in_one {
+            let beyond = |i: &usize| squared(&balls[*i]).sqrt() - balls[*i].radius;
+            let nearest = (0..balls.len()).min_by(|i, j| beyond(i).total_cmp(&beyond(j)));
+            if let Some(i) = nearest {
+                most[i] = most[i].max(length);
+            }
+        }
+        most
+    };
+    let moved = frame.displacement.par_iter().zip(positions).filter(|(motion, _)| **motion != [0.0; 3]);
+    let larger = |one: Vec<f64>, other: Vec<f64>| one.iter().zip(&other).map(|(a, b)| a.max(*b)).collect();
+    moved.fold(none, count).reduce(none, larger)
 }
 
 /// The smallest margin that follows a motion (mm).
@@ -291,7 +318,7 @@ mod tests {
         let parts = Region { balls: [0.0, 8.0, 20.0, 4.0, 26.0].map(reach).to_vec(), depth: 0.0 }.parts();
         let starts: Vec<Vec<f64>> =
             parts.iter().map(|part| part.balls.iter().map(|b| b.centre.x).collect()).collect();
-        assert_eq!(starts, [vec![20.0], vec![0.0, 8.0, 4.0], vec![26.0]]);
+        assert_eq!(starts, [vec![0.0, 8.0, 4.0], vec![20.0], vec![26.0]]);
     }
 
     #[test]

@@ -10,9 +10,9 @@ use crate::window::Window;
 const MEANS: &str = "Largest motion: of any voxel. Volume kept: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
 
 /// What a click on a warning does.
-const WHERE: &str = "A click brings the slices where most is squeezed, with colours that tell how much. A larger radius or a smaller move squeezes less.";
+const WHERE: &str = "A click takes the slices to where most is squeezed, with colours that tell how much. A larger radius or a smaller move squeezes less.";
 /// What it means that voxels stay behind.
-const STAY_BEHIND: &str = "Where all of what the surface does would fold space, the voxels about it go less far than it says: by so much at most. A larger radius or a smaller move leaves less behind.";
+const STAY_BEHIND: &str = "Where voxels would fold if they followed the surface all the way, they stay behind it, by this much at most. A larger radius or a smaller move leaves less behind.";
 /// What it means that something is cut off.
 const CUT_OFF: &str =
     "What is moved out of the scan is in no picture and no file: there are no voxels for it.";

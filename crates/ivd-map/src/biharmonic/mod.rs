@@ -8,8 +8,9 @@
 //! ```
 //!
 //! - Ω and its window `ω` are those of [the page above](super): 1 in the handles' balls, 0 with its slope on ∂Ω. Without a margin that is
-//!   given, each ball has one of four times the largest motion of its own vertices, and takes over that of a ball that it overlaps, by
-//!   degrees. Parts of Ω that don't touch are found apart: what one handle moves, another far from it changes by no bit.
+//!   given, each ball has one of four times the largest motion of its own vertices, and adopts that of a ball that it overlaps, by
+//!   degrees. Parts of Ω that don't touch are solved separately: what one handle moves, another far from it changes by no bit, but where a
+//!   map has to be made as a flow. Where the lattice moves affinely as a whole, Ω has one margin and is one part.
 //! - `r` is trilinear on cells of 4³ voxels ([`BiharmonicParams::cell`]), fewer along axes of long voxels and in a small Ω,
 //!   eight along short ones where slices lie eight of these apart. The
 //!   integral is the discrete one of [`energy`], in world space; the sum is over the vertices, at their places between the
@@ -114,6 +115,9 @@ pub struct Biharmonic<L> {
     keeps: bool,
 }
 
+/// A vertex or inner point, and its motion (mm).
+type Moved = (u32, Vector3<f64>);
+
 /// The equations of a region and their last solution.
 struct Last {
     region: Region,
@@ -123,8 +127,8 @@ struct Last {
     nodes: Vec<Triple>,
     /// The same equations under the first tensions.
     tense: Vec<System>,
-    /// The field that was made with them for a drag, and of what.
-    made: Option<(Region, Vec<Vector3<f64>>, Made)>,
+    /// The field that was made with them for a drag, and what it was made of: the region, and what moves in it.
+    made: Option<(Region, Vec<Moved>, Made)>,
 }
 
 /// A frame to be mapped.
@@ -182,6 +186,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         params: &BiharmonicParams,
         exec: &Exec,
     ) -> Result<MapResult, Error> {
+        self.keeps = false;
         self.with_frame(motion, frame, params, exec, |settle, made, exec| {
             let mut mapped = settle.settle(made.field, exec)?;
             mapped.figures.relaxations += made.repairs;
@@ -240,8 +245,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let motions: Vec<Vector3<f64>> =
                 frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
             let mut region = Region::new(motion, frame, &self.positions, band, None);
-            if !Aim::new(&self.positions, &motions, &region).is_affine() {
+            let mut parts = vec![region.clone()];
+            if region.balls().count() > 1 && !Aim::new(&self.positions, &motions, &region).is_affine() {
                 region = Region::of_each(motion, frame, &self.positions, band);
+                parts = region.parts();
             }
             let settle = Settle {
                 lattice: &self.lattice,
@@ -253,7 +260,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             };
             let mut kept = std::mem::take(&mut self.kept);
             let outcome = self
-                .in_parts(&mut kept, &settle, &motions, params, exec)
+                .in_parts(&mut kept, (&settle, &parts), &motions, params, exec)
                 .and_then(|made| settled(&settle, made, exec));
             if outcome.is_err() {
                 // Another try begins as if there had been none.

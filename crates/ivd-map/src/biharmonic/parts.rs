@@ -1,4 +1,4 @@
-//! The parts of a frame: what handles move that are far from each other is found apart.
+//! The parts of a frame: what handles move that are far from each other is solved separately.
 //!
 //! Beyond its own Ω a part moves nothing, so that the field of a frame is that of all its parts together. Each has equations of its own,
 //! which are solved in fewer iterations than all at once, and in a drag one whose vertices go where they went is not found again.
@@ -11,25 +11,34 @@ use rayon::prelude::*;
 
 use super::super::frame::moving_bricks;
 use super::super::outcome::SolveFigures;
-use super::super::region::{largest, least_margin};
+use super::super::region::{Region, largest, least_margin};
 use super::super::settle::Settle;
 use super::nodes::Cells;
 use super::step::Aim;
-use super::{Biharmonic, Job, Last, Made};
+use super::{Biharmonic, Job, Last, Made, Moved};
 use crate::{BiharmonicParams, Error};
 
 /// Nodes of other regions whose equations a drag keeps: some 8 kB each.
 const KEPT: usize = 20_000;
 
+/// What there is beside a part.
+struct Beside {
+    /// How many other parts.
+    others: usize,
+    /// What moves in it.
+    moved: Vec<Moved>,
+}
+
 impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     /// The field of a frame.
     ///
     /// - `whole`: what it is held against.
+    /// - `parts`: those of its region.
     /// - `motions`: of vertices and inner points (mm).
     pub(super) fn in_parts(
         &self,
         kept: &mut Vec<Last>,
-        whole: &Settle<'_>,
+        (whole, parts): (&Settle<'_>, &[Region]),
         motions: &[Vector3<f64>],
         params: &BiharmonicParams,
         exec: &Exec,
@@ -41,27 +50,32 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let field = FieldBricks::of_bricks(grid.dims(), &bricks, zeros.into())?;
             return Ok(Made { field, repairs: 0, solved: None });
         }
-        let parts = whole.region.parts();
         if parts.len() == 1 {
-            return self.part(kept, (whole, motions, &bricks), 0, params, exec);
+            return self.part(kept, (whole, motions, &bricks), None, params, exec);
         }
         let mut made = Vec::new();
-        for region in &parts {
+        for (region, moved) in parts.iter().zip(self.moved_in(parts, motions)) {
             exec.check_cancelled()?;
-            // What lies beyond a part stands still for it.
-            let of_part = |(at, motion): (&Vector3<f64>, &Vector3<f64>)| {
-                if region.weight(*at) > 0.0 { *motion } else { Vector3::zeros() }
-            };
-            let motions: Vec<_> = self.positions.par_iter().zip(motions.par_iter()).map(of_part).collect();
+            if moved.is_empty() {
+                continue;
+            }
+            // A drag begins at rest: what is told the same goes the same way.
+            if let Some(known) = self.known(kept, region, &moved, params).filter(|_| exec.skip) {
+                made.push(known);
+                continue;
+            }
+            // What moves in other parts stands still for this one.
+            let mut motions = vec![Vector3::zeros(); motions.len()];
+            for (at, motion) in &moved {
+                motions[*at as usize] = *motion;
+            }
             let displacement: Vec<[f64; 3]> =
                 motions[..self.lattice.keys().len()].iter().map(|u| (*u).into()).collect();
             let frame = Frame { time: whole.frame.time, displacement: displacement.into() };
-            if motions.iter().all(|u| *u == Vector3::zeros()) {
-                continue;
-            }
             let bricks = moving_bricks(grid, region, &frame, exec)?;
             let settle = Settle { region, frame: &frame, ..*whole };
-            made.push(self.part(kept, (&settle, &motions, &bricks), parts.len() - 1, params, exec)?);
+            let beside = Beside { others: parts.len() - 1, moved };
+            made.push(self.part(kept, (&settle, &motions, &bricks), Some(beside), params, exec)?);
         }
         let dims = grid.dims();
         Ok(Made {
@@ -71,14 +85,47 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         })
     }
 
+    /// What moves in each part; what lies in none goes with the nearest.
+    fn moved_in(&self, parts: &[Region], motions: &[Vector3<f64>]) -> Vec<Vec<Moved>> {
+        let part_of = |(at, motion): (usize, &Vector3<f64>)| {
+            let beyond = |part: &usize| parts[*part].beyond(self.positions[at]);
+            let nearest = (0..parts.len()).min_by(|a, b| beyond(a).total_cmp(&beyond(b)));
+            nearest.map(|part| (part, (at as u32, *motion)))
+        };
+        let moving = motions.par_iter().enumerate().filter(|(_, motion)| **motion != Vector3::zeros());
+        let all: Vec<(usize, Moved)> = moving.filter_map(part_of).collect();
+        let mut moved = vec![Vec::new(); parts.len()];
+        for (part, one) in all {
+            moved[part].push(one);
+        }
+        moved
+    }
+
+    /// The field of a part that a drag has made before of the same motion.
+    fn known(
+        &self,
+        kept: &mut [Last],
+        region: &Region,
+        moved: &[Moved],
+        params: &BiharmonicParams,
+    ) -> Option<Made> {
+        let is_same = |last: &Last| {
+            let made = last.made.as_ref().filter(|_| last.edge == params.cell);
+            made.is_some_and(|(of, asked, _)| of == region && asked == moved)
+        };
+        let at = kept.iter().position(is_same).filter(|_| self.keeps)?;
+        kept[..=at].rotate_right(1);
+        kept[0].made.as_ref().map(|(.., made)| made.clone())
+    }
+
     /// The field of a part, or of a frame that is one.
     ///
-    /// - `others`: how many parts there are beside it.
+    /// - `beside`: of a part, what there is beside it.
     fn part(
         &self,
         kept: &mut Vec<Last>,
         (settle, motions, bricks): (&Settle<'_>, &[Vector3<f64>], &[usize]),
-        others: usize,
+        beside: Option<Beside>,
         params: &BiharmonicParams,
         exec: &Exec,
     ) -> Result<Made, Error> {
@@ -98,21 +145,11 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             edge: params.cell,
             tension: 0.0,
         };
-        self.equations(kept, &job, others, exec)?;
-        // A drag begins at rest: what is told the same goes the same way.
-        let keeps = self.keeps && others > 0 && exec.memory_limit.is_none();
-        if keeps
-            && exec.skip
-            && let Some((same, asked, made)) = &kept[0].made
-            && same == region
-            && asked == motions
-        {
-            return Ok(made.clone());
-        }
+        self.equations(kept, &job, beside.as_ref().map_or(0, |beside| beside.others), exec)?;
         kept[0].made = None;
         let made = self.follow(&job, &mut kept[0], exec)?;
-        if keeps {
-            kept[0].made = Some((region.clone(), motions.to_vec(), made.clone()));
+        if let Some(beside) = beside.filter(|_| self.keeps && exec.memory_limit.is_none()) {
+            kept[0].made = Some((region.clone(), beside.moved, made.clone()));
         }
         Ok(made)
     }
@@ -133,8 +170,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             return Ok(());
         }
         let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
-        // Rows of the matrix and its levels, mostly of 60 entries.
-        exec.check_memory("the equations of the map", 3 * 60 * 12 * cells.nodes.free.len() as u64)?;
+        // Rows of the matrix and its levels, mostly of 60 entries; those of other parts stay beside them.
+        let beside = kept.iter().take(others).map(|last| last.system.cells.nodes.free.len()).sum::<usize>();
+        let nodes = (cells.nodes.free.len() + beside) as u64;
+        exec.check_memory("the equations of the map", 3 * 60 * 12 * nodes)?;
         let mut before = kept.iter().take(1 + others);
         let before = before.find(|last| others == 0 || last.region.has_balls_of(job.room));
         let start = before.filter(|last| !last.nodes.is_empty() && last.system.cells.step == cells.step);
@@ -233,6 +272,43 @@ mod tests {
     }
 
     #[test]
+    fn what_moves_as_a_whole_is_one_part_and_is_met_exactly() {
+        let exec = Exec::default();
+        let grid = Grid::with_spacing([72, 24, 24], [1.0; 3]).unwrap();
+        let centre = middle(&grid);
+        let ends = [-1.0, 1.0].map(|way| centre + Vector3::x() * (way * 24.0));
+        let level = move |p: Vector3<f64>| {
+            ends.map(|end| 6.0 - (p - end).norm()).into_iter().fold(f64::MIN, f64::max)
+        };
+        let shift = Vector3::new(0.25, -0.5, 1.0);
+        let whole = scene(&grid, level, move |_| shift, &ends.map(|end| (end, 7.0)));
+        let mapped = whole.smooth(&BiharmonicParams::default(), &exec).unwrap();
+        let within = |v: &ivd_core::VoxelIndex| {
+            let at = grid.linear_part() * ivd_core::VoxelCoord::from(*v).0;
+            ends.iter().any(|end| (at - end).norm() < 6.9)
+        };
+        let moved: Vec<_> =
+            voxels(&grid).filter(within).map(|v| mapped.displacement.forward().at(v)).collect();
+        assert!(moved.len() > 1000 && moved.iter().all(|u| *u == [0.25, -0.5, 1.0]));
+        assert_eq!(mapped.figures.solved.unwrap().iterations, 0);
+    }
+
+    #[test]
+    fn what_was_mapped_between_drags_changes_none() {
+        let exec = Exec::default();
+        let params = BiharmonicParams::default();
+        let scenes = [[0.7, 2.5], [0.7, 1.5], [0.5, 1.5]].map(pushed);
+        let mut mixed = Biharmonic::new(&scenes[0].lattice, Outside::Band, &exec).unwrap();
+        for scene in scenes.iter().chain([&scenes[1], &scenes[0]]) {
+            // It starts from the nodes of the one before.
+            mixed.map(&scene.motion, 0, &params, &exec).unwrap();
+            mixed.map(&scenes[2].motion, 0, &params, &exec).unwrap();
+            let moved = mixed.drag(&scene.motion, 0, &params, &exec).unwrap();
+            assert!(moved.displacement == scene.smooth(&params, &exec).unwrap().displacement);
+        }
+    }
+
+    #[test]
     fn a_drag_of_one_part_gives_what_each_motion_gives_alone_and_finds_the_other_once() {
         let exec = Exec::default();
         let params = BiharmonicParams::default();
@@ -243,8 +319,6 @@ mod tests {
             let moved = dragged.drag(&scene.motion, 0, &params, &exec).unwrap();
             let alone = scene.smooth(&params, &exec).unwrap();
             assert!(moved.displacement == alone.displacement, "{lengths:?}");
-            let at = dragged.kept.iter().filter(|last| last.made.is_some()).count();
-            assert!((1..=dragged.kept.len()).contains(&at), "{lengths:?}");
         }
         // What is kept of a part that stands is given out, be it false; not where nothing is to be skipped.
         let spoil = |dragged: &mut Biharmonic<_>| {
