@@ -253,9 +253,9 @@ fn classes_without_labels_and_labels_of_another_grid_are_refused() {
 
 #[test]
 fn what_cannot_be_is_refused_in_bounded_steps_and_cancelling_is_heard() {
-    let grid = Grid::with_spacing([32, 32, 32], [1.0; 3]).unwrap();
-    let (all, _) = pushed(&grid, 8.0, 60.0);
-    let params = FemParams { band: Band { margin: Some(6.0), ..elastic().band }, ..elastic() };
+    let grid = Grid::with_spacing([24, 24, 24], [1.0; 3]).unwrap();
+    let (all, _) = pushed(&grid, 6.0, 45.0);
+    let params = FemParams { band: Band { margin: Some(4.5), ..elastic().band }, ..elastic() };
     let error = all.elastic(&params, &Exec::default()).unwrap_err();
     assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}");
     let exec = Exec::default();

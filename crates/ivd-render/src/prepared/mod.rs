@@ -4,6 +4,7 @@ mod cast;
 mod moved;
 mod ready;
 
+pub(crate) use moved::LEAST_MOVED;
 pub use moved::Moved;
 
 use std::sync::atomic::{AtomicU64, Ordering};

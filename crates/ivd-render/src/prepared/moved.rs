@@ -21,7 +21,7 @@ const WHOLE: f32 = 0.15;
 /// The least of a colour that shade leaves.
 const SHADED: f32 = 0.4;
 /// Motions are told from this length on (mm).
-const LEAST: f64 = 1e-3;
+pub(crate) const LEAST_MOVED: f64 = 1e-3;
 
 /// A picture of how far what is seen has come out of its surface or gone into it.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +55,7 @@ impl Prepared<'_> {
         }
         let all = frames.iter().flat_map(|(.., came)| came).filter(|mm| mm.is_finite());
         let [least, most] = all.fold([0.0_f32; 2], |[a, b], mm| [a.min(*mm), b.max(*mm)]).map(f64::from);
-        let scale_mm = rounded_up((-least).max(most).max(LEAST));
+        let scale_mm = rounded_up((-least).max(most).max(LEAST_MOVED));
         let mut rgba = Vec::with_capacity(4 * turntable * size[0] * size[1]);
         for (params, image, came) in frames {
             let camera = self.camera(&params);

@@ -2,13 +2,14 @@
 
 use std::time::Instant;
 
-use ivd_core::op::{Failure, Op, Want};
+use ivd_core::op::{Failure, Op, Remark, Want};
 use ivd_core::{Exec, Image, ParamError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::modes::{CLOSE, REVISION, wants};
 use super::{Coloured, rate};
+use crate::prepared::LEAST_MOVED;
 use crate::{ClassLooks, Classification, Mode, Prepared, RenderParams, Scene};
 
 /// What is seen in greys, red where it has come out of its surface and blue where it has gone in, with a bar in mm: the motion of what modes dvr and iso show, along the
@@ -48,6 +49,16 @@ pub struct MovedFigures {
     pub fps: Option<f64>,
 }
 
+impl MovedFigures {
+    /// That the picture shows nothing of the motion.
+    fn remark(&self) -> Option<String> {
+        let is_still = self.out_mm.max(self.in_mm) < LEAST_MOVED;
+        is_still.then(|| {
+            "nothing that is seen from here has come out of its surface or gone into it; another render.view may show what moved".to_owned()
+        })
+    }
+}
+
 impl MovedParams {
     fn asked(&self) -> RenderParams {
         let mode = self.iso.map_or(Mode::Dvr, |value| Mode::Iso { value });
@@ -57,6 +68,7 @@ impl MovedParams {
 
 impl Op for MovedParams {
     const REVISION: u32 = 100 * REVISION + 1;
+    const REMARK: Option<Remark<MovedFigures>> = Some(MovedFigures::remark);
     type Inputs<'a> = Coloured<'a>;
     type Output = Image;
     type Figures = MovedFigures;
@@ -92,5 +104,17 @@ impl Op for MovedParams {
             fps: Some(found.image.frames() as f64 * rate(start)),
         };
         Ok((found.image, figures))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_shows_nothing_of_the_motion_says_so() {
+        let seen = |out_mm, in_mm| MovedFigures { frames: 1, out_mm, in_mm, scale_mm: 0.001, fps: None };
+        assert!(seen(0.0, 1e-9).remark().unwrap().contains("render.view"));
+        assert_eq!((seen(0.2, 0.0).remark(), seen(0.0, 3.0).remark()), (None, None));
     }
 }
