@@ -9,8 +9,8 @@
 //!
 //! - Ω and its window `ω` are those of [the page above](super): 1 in the handles' balls, 0 with its slope on ∂Ω. Without a margin that is
 //!   given, each ball has one of four times the largest motion of its own vertices, and adopts that of a ball that it overlaps, by
-//!   degrees. Parts of Ω that don't touch are solved separately: what one handle moves, another far from it changes by no bit, but where a
-//!   map has to be made as a flow. Where the lattice moves affinely as a whole, Ω has one margin and is one part.
+//!   degrees. Parts of Ω that don't touch are solved separately: what one handle moves, another far from it changes by no bit, but where space
+//!   is repaired between them or the map has to be made as a flow. Where the lattice moves affinely as a whole, to a quarter as below, Ω has one margin and is one part.
 //! - `r` is trilinear on cells of 4³ voxels ([`BiharmonicParams::cell`]), fewer along axes of long voxels and in a small Ω,
 //!   eight along short ones where slices lie eight of these apart. The
 //!   integral is the discrete one of [`energy`], in world space; the sum is over the vertices, at their places between the
@@ -127,8 +127,17 @@ struct Last {
     nodes: Vec<Triple>,
     /// The same equations under the first tensions.
     tense: Vec<System>,
-    /// The field that was made with them for a drag, and what it was made of: the region, and what moves in it.
-    made: Option<(Region, Vec<Moved>, Made)>,
+    /// The field that was made with them for a drag.
+    made: Option<Known>,
+}
+
+/// A field, and what it was made of.
+struct Known {
+    region: Region,
+    /// Whether its margin was given: nodes reach further where it follows the motion.
+    is_given: bool,
+    moved: Vec<Moved>,
+    made: Made,
 }
 
 /// A frame to be mapped.

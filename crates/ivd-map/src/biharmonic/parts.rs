@@ -15,7 +15,7 @@ use super::super::region::{Region, largest, least_margin};
 use super::super::settle::Settle;
 use super::nodes::Cells;
 use super::step::Aim;
-use super::{Biharmonic, Job, Last, Made, Moved};
+use super::{Biharmonic, Job, Known, Last, Made, Moved};
 use crate::{BiharmonicParams, Error};
 
 /// Nodes of other regions whose equations a drag keeps: some 8 kB each.
@@ -23,7 +23,7 @@ const KEPT: usize = 20_000;
 
 /// What there is beside a part.
 struct Beside {
-    /// How many other parts.
+    /// How many other parts in which something moves.
     others: usize,
     /// What moves in it.
     moved: Vec<Moved>,
@@ -54,11 +54,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             return self.part(kept, (whole, motions, &bricks), None, params, exec);
         }
         let mut made = Vec::new();
-        for (region, moved) in parts.iter().zip(self.moved_in(parts, motions)) {
+        let all: Vec<_> = parts.iter().zip(self.moved_in(parts, motions)).collect();
+        let moving = all.iter().filter(|(_, moved)| !moved.is_empty()).count();
+        for (region, moved) in all.into_iter().filter(|(_, moved)| !moved.is_empty()) {
             exec.check_cancelled()?;
-            if moved.is_empty() {
-                continue;
-            }
             // A drag begins at rest: what is told the same goes the same way.
             if let Some(known) = self.known(kept, region, &moved, params).filter(|_| exec.skip) {
                 made.push(known);
@@ -74,7 +73,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let frame = Frame { time: whole.frame.time, displacement: displacement.into() };
             let bricks = moving_bricks(grid, region, &frame, exec)?;
             let settle = Settle { region, frame: &frame, ..*whole };
-            let beside = Beside { others: parts.len() - 1, moved };
+            let beside = Beside { others: moving - 1, moved };
             made.push(self.part(kept, (&settle, &motions, &bricks), Some(beside), params, exec)?);
         }
         let dims = grid.dims();
@@ -109,13 +108,15 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         moved: &[Moved],
         params: &BiharmonicParams,
     ) -> Option<Made> {
+        let is_given = params.band.margin.is_some();
         let is_same = |last: &Last| {
-            let made = last.made.as_ref().filter(|_| last.edge == params.cell);
-            made.is_some_and(|(of, asked, _)| of == region && asked == moved)
+            let known =
+                last.made.as_ref().filter(|known| last.edge == params.cell && known.is_given == is_given);
+            known.is_some_and(|known| known.region == *region && known.moved == moved)
         };
         let at = kept.iter().position(is_same).filter(|_| self.keeps)?;
         kept[..=at].rotate_right(1);
-        kept[0].made.as_ref().map(|(.., made)| made.clone())
+        kept[0].made.as_ref().map(|known| known.made.clone())
     }
 
     /// The field of a part, or of a frame that is one.
@@ -149,7 +150,9 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         kept[0].made = None;
         let made = self.follow(&job, &mut kept[0], exec)?;
         if let Some(beside) = beside.filter(|_| self.keeps && exec.memory_limit.is_none()) {
-            kept[0].made = Some((region.clone(), beside.moved, made.clone()));
+            let is_given = band.margin.is_some();
+            let (region, moved) = (region.clone(), beside.moved);
+            kept[0].made = Some(Known { region, is_given, moved, made: made.clone() });
         }
         Ok(made)
     }
@@ -171,7 +174,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         }
         let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
         // Rows of the matrix and its levels, mostly of 60 entries; those of other parts stay beside them.
-        let beside = kept.iter().take(others).map(|last| last.system.cells.nodes.free.len()).sum::<usize>();
+        let is_other = |last: &&Last| !last.region.has_balls_of(job.room);
+        let beside = kept.iter().filter(is_other).take(others).map(Last::nodes).sum::<usize>();
         let nodes = (cells.nodes.free.len() + beside) as u64;
         exec.check_memory("the equations of the map", 3 * 60 * 12 * nodes)?;
         let mut before = kept.iter().take(1 + others);
@@ -186,15 +190,26 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         kept.insert(0, Last { region, edge, system, nodes, tense: Vec::new(), made: None });
         // Where memory is limited, it isn't spent on what may not be asked for again.
         let mut left = if self.keeps && exec.memory_limit.is_none() { KEPT } else { 0 };
-        let fits = |last: &Last| {
-            let many = last.system.cells.nodes.free.len();
-            left = left.checked_sub(many)?;
-            Some(())
-        };
-        let spared = kept.len().min(1 + others);
-        let many = spared + kept[spared..].iter().map_while(fits).count();
-        kept.truncate(many);
+        let mut spared = others;
+        let old = kept.split_off(1);
+        kept.extend(old.into_iter().filter(|last| {
+            if spared > 0 && is_other(&last) {
+                spared -= 1;
+                return true;
+            }
+            let fits = last.nodes() <= left;
+            // Once one is given up, so are those before it.
+            left = if fits { left - last.nodes() } else { 0 };
+            fits
+        }));
         Ok(())
+    }
+}
+
+impl Last {
+    /// How many free nodes it has.
+    fn nodes(&self) -> usize {
+        self.system.cells.nodes.free.len()
     }
 }
 
@@ -227,8 +242,8 @@ mod tests {
     use ivd_field::fixtures::{bump, middle, voxels};
 
     use super::*;
-    use crate::Outside;
     use crate::tests::{Scene, scene};
+    use crate::{Band, Outside};
 
     /// A bar with a push of some lengths (mm) at each end.
     fn pushed(lengths: [f64; 2]) -> Scene {
@@ -320,11 +335,20 @@ mod tests {
             let alone = scene.smooth(&params, &exec).unwrap();
             assert!(moved.displacement == alone.displacement, "{lengths:?}");
         }
+        assert_eq!(dragged.kept.iter().filter(|last| last.made.is_some()).count(), dragged.kept.len());
+        // A margin that is given reaches as far as one that followed the motion, but its nodes don't.
+        let scene = pushed([1.5, 2.5]);
+        let given =
+            BiharmonicParams { band: Band { margin: Some(6.0), ..Band::default() }, ..params.clone() };
+        for params in [&params, &given, &params] {
+            let moved = dragged.drag(&scene.motion, 0, params, &exec).unwrap().displacement;
+            assert!(moved == scene.smooth(params, &exec).unwrap().displacement);
+        }
         // What is kept of a part that stands is given out, be it false; not where nothing is to be skipped.
         let spoil = |dragged: &mut Biharmonic<_>| {
             for last in &mut dragged.kept {
-                if let Some((.., made)) = &mut last.made {
-                    made.field = FieldBricks::zero(made.field.dims());
+                if let Some(known) = &mut last.made {
+                    known.made.field = FieldBricks::zero(known.made.field.dims());
                 }
             }
         };
