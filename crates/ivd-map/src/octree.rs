@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::limit::as_far;
+use super::region::reach_of;
 use super::{Found, Hit, MapResult, Nearest, OctreeParams, nearest};
 use crate::Error;
 
@@ -49,8 +50,7 @@ pub(super) enum State {
 ///
 /// - `positions`: the vertices relative to the grid's origin (mm).
 pub(super) fn states(motion: &Motion, positions: &[Vector3<f64>]) -> Vec<State> {
-    let origin = Vector3::from(motion.grid().origin());
-    let balls: Vec<_> = motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
+    let balls = reach_of(motion);
     let reached = |at: &Vector3<f64>| balls.iter().any(|(centre, radius)| (at - centre).norm() < *radius);
     let moves = |v: usize| motion.frames().iter().any(|f| f.displacement[v] != [0.0; 3]);
     let state = |(v, at)| match motion.role(v) {

@@ -1,4 +1,4 @@
-use ivd_core::{Frame, Grid, Motion, World};
+use ivd_core::{Frame, Grid, Motion, sets};
 use ivd_field::falloff::smooth_fall;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -81,25 +81,24 @@ impl Region {
 
     /// The parts of it that don't touch, each with its balls in their order.
     pub(super) fn parts(&self) -> Vec<Self> {
-        let mut parts: Vec<Vec<usize>> = Vec::new();
+        let touch =
+            |one: &Reach, other: &Reach| (one.centre - other.centre).norm() <= one.far() + other.far();
+        let mut part_of = sets::singles(self.balls.len());
         for (i, ball) in self.balls.iter().enumerate() {
-            let touches = |other: &usize| {
-                let other = &self.balls[*other];
-                (ball.centre - other.centre).norm() <= ball.far() + other.far()
-            };
-            let (mut touched, others): (Vec<_>, Vec<_>) =
-                parts.into_iter().partition(|part: &Vec<usize>| part.iter().any(touches));
-            parts = others;
-            touched.push(vec![i]);
-            parts.push(touched.concat());
+            for (j, _) in self.balls[..i].iter().enumerate().filter(|(_, other)| touch(ball, other)) {
+                sets::join(&mut part_of, i as u32, j as u32);
+            }
         }
+        sets::flatten(&mut part_of);
         // Rounding goes by the order of balls: it is the same whatever lies beside a part.
-        for part in &mut parts {
-            part.sort_unstable();
+        let mut parts: Vec<(u32, Self)> = Vec::new();
+        for (root, ball) in part_of.into_iter().zip(&self.balls) {
+            match parts.iter_mut().find(|(other, _)| *other == root) {
+                Some((_, part)) => part.balls.push(*ball),
+                None => parts.push((root, Self { balls: vec![*ball], depth: self.depth })),
+            }
         }
-        parts.sort_unstable();
-        let of = |part: Vec<usize>| part.into_iter().map(|i| self.balls[i]).collect();
-        parts.into_iter().map(|part| Self { balls: of(part), depth: self.depth }).collect()
+        parts.into_iter().map(|(_, part)| part).collect()
     }
 
     /// Whether another one has the same balls, whatever their margins.
@@ -189,11 +188,15 @@ impl Region {
     }
 }
 
-/// Centres of a motion's balls, relative to the grid's origin, and their radii (mm); where it names none, one that holds what is moved.
+/// Centres of the balls that a motion names, relative to the grid's origin, and their radii (mm).
+pub(super) fn reach_of(motion: &Motion) -> Vec<(Vector3<f64>, f64)> {
+    let origin = Vector3::from(motion.grid().origin());
+    motion.reach().iter().map(|ball| (Vector3::from(ball.centre) - origin, ball.radius)).collect()
+}
+
+/// The same; where it names none, one that holds what is moved.
 fn balls_of(motion: &Motion, frame: &Frame, positions: &[Vector3<f64>]) -> Vec<(Vector3<f64>, f64)> {
-    let origin = World(motion.grid().origin().into());
-    let mut balls: Vec<(Vector3<f64>, f64)> =
-        motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin.0, b.radius)).collect();
+    let mut balls = reach_of(motion);
     if balls.is_empty() {
         balls.extend(ball_of_moved(frame, positions));
     }

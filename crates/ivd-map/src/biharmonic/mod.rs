@@ -72,14 +72,15 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::alone::cut;
-use super::frame::{check_size, frame_of};
+use super::frame::{check_size, frame_of, moving_bricks};
 use super::limit::as_far;
 use super::outcome::{SolveFigures, misfit as misfit_of};
-use super::region::Region;
+use super::region::{Region, largest};
 use super::relax::relax;
 use super::settle::Settle;
 use super::{BiharmonicParams, MapResult, MapUpdate, Outside};
 use crate::Error;
+use affine::Affine;
 use matrix::Triple;
 use nodes::Cells;
 use step::{Aim, Step};
@@ -249,13 +250,25 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         exec.run(|| {
             self.take_inner(motion.inner());
             self.take_roles(motion);
-            let band = &params.band;
+            let (grid, band) = (self.lattice.grid(), &params.band);
+            let mut region = Region::new(motion, frame, &self.positions, band, None);
+            if largest(frame) == 0.0 {
+                let bricks = moving_bricks(grid, &region, frame, exec)?;
+                let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
+                let still = Made {
+                    field: FieldBricks::of_bricks(grid.dims(), &bricks, zeros.into())?,
+                    repairs: 0,
+                    solved: None,
+                };
+                let settle =
+                    Settle { lattice: &self.lattice, alone: None, region: &region, motion, frame, band };
+                return settled(&settle, still, exec);
+            }
             let inner = motion.inner().frames.get(number).into_iter().flat_map(|frame| &frame[..]);
             let motions: Vec<Vector3<f64>> =
                 frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
-            let mut region = Region::new(motion, frame, &self.positions, band, None);
             let mut parts = vec![region.clone()];
-            if region.balls().count() > 1 && !Aim::new(&self.positions, &motions, &region).is_affine() {
+            if region.balls().count() > 1 && Affine::fit(&self.positions, &motions).is_none() {
                 region = Region::of_each(motion, frame, &self.positions, band);
                 parts = region.parts();
             }

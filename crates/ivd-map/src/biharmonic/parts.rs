@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::super::frame::moving_bricks;
 use super::super::outcome::SolveFigures;
-use super::super::region::{Region, largest, least_margin};
+use super::super::region::{Region, least_margin};
 use super::super::settle::Settle;
 use super::nodes::Cells;
 use super::step::Aim;
@@ -45,11 +45,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     ) -> Result<Made, Error> {
         let grid = self.lattice.grid();
         let bricks = moving_bricks(grid, whole.region, whole.frame, exec)?;
-        if largest(whole.frame) == 0.0 {
-            let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
-            let field = FieldBricks::of_bricks(grid.dims(), &bricks, zeros.into())?;
-            return Ok(Made { field, repairs: 0, solved: None });
-        }
         if parts.len() == 1 {
             return self.part(kept, (whole, motions, &bricks), None, params, exec);
         }
@@ -59,7 +54,10 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         for (region, moved) in all.into_iter().filter(|(_, moved)| !moved.is_empty()) {
             exec.check_cancelled()?;
             // A drag begins at rest: what is told the same goes the same way.
-            if let Some(known) = self.known(kept, region, &moved, params).filter(|_| exec.skip) {
+            if self.keeps
+                && exec.skip
+                && let Some(known) = known(kept, region, &moved, params)
+            {
                 made.push(known);
                 continue;
             }
@@ -98,25 +96,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             moved[part].push(one);
         }
         moved
-    }
-
-    /// The field of a part that a drag has made before of the same motion.
-    fn known(
-        &self,
-        kept: &mut [Last],
-        region: &Region,
-        moved: &[Moved],
-        params: &BiharmonicParams,
-    ) -> Option<Made> {
-        let is_given = params.band.margin.is_some();
-        let is_same = |last: &Last| {
-            let known =
-                last.made.as_ref().filter(|known| last.edge == params.cell && known.is_given == is_given);
-            known.is_some_and(|known| known.region == *region && known.moved == moved)
-        };
-        let at = kept.iter().position(is_same).filter(|_| self.keeps)?;
-        kept[..=at].rotate_right(1);
-        kept[0].made.as_ref().map(|known| known.made.clone())
     }
 
     /// The field of a part, or of a frame that is one.
@@ -211,6 +190,17 @@ impl Last {
     fn nodes(&self) -> usize {
         self.system.cells.nodes.free.len()
     }
+}
+
+/// The field of a part that a drag has made before of the same motion; its equations come before the others.
+fn known(kept: &mut [Last], region: &Region, moved: &[Moved], params: &BiharmonicParams) -> Option<Made> {
+    let is_given = params.band.margin.is_some();
+    let is_same =
+        |known: &Known| known.is_given == is_given && known.region == *region && known.moved == moved;
+    let at =
+        kept.iter().position(|last| last.edge == params.cell && last.made.as_ref().is_some_and(is_same))?;
+    kept[..=at].rotate_right(1);
+    kept[0].made.as_ref().map(|known| known.made.clone())
 }
 
 /// How the equations of two parts were solved.
