@@ -18,15 +18,9 @@ struct Scan {
     motion: [f64; 3],
 }
 
-const SCANS: [Scan; 5] = [
+const SCANS: [Scan; 4] = [
     Scan { file: "bonsai/bonsai.nii.gz", iso: 100.0, pick: [87.0, -58.0, -93.0], motion: [6.0, 0.0, 0.0] },
     Scan { file: "engine/engine.nii.gz", iso: 100.0, pick: [-16.0, 103.0, 40.0], motion: [0.0, -5.0, 0.0] },
-    Scan {
-        file: "mri_head_seg3d/MR.nii.gz",
-        iso: 60.0,
-        pick: [-316.0, 124.0, 430.0],
-        motion: [0.0, 8.0, 0.0],
-    },
     Scan {
         file: "mni152/mni_icbm152_t1_tal_nlin_sym_09a_converted.nii.gz",
         iso: 150.0,
@@ -35,6 +29,14 @@ const SCANS: [Scan; 5] = [
     },
     Scan { file: "tooth/tooth.nhdr", iso: 1000.0, pick: [-64.0, -9.0, 128.0], motion: [0.0, 4.0, 0.0] },
 ];
+
+/// Skin, brain and all between: a surface of hundreds of pieces.
+const HEAD: Scan = Scan {
+    file: "mri_head_seg3d/MR.nii.gz",
+    iso: 60.0,
+    pick: [-316.0, 124.0, 430.0],
+    motion: [0.0, 8.0, 0.0],
+};
 
 pub(crate) fn data() -> Option<PathBuf> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data"));
@@ -47,9 +49,20 @@ pub(crate) fn data() -> Option<PathBuf> {
 
 #[test]
 fn handles_on_scans_are_mapped_without_a_fold() {
+    assert_mapped_without_a_fold(&SCANS);
+}
+
+/// The same on a head, by `just stress`; its scene is among those whose hashes are kept.
+#[test]
+#[ignore = "as long as all the others together; run it with --ignored"]
+fn a_handle_on_a_head_is_mapped_without_a_fold() {
+    assert_mapped_without_a_fold(&[HEAD]);
+}
+
+fn assert_mapped_without_a_fold(scans: &[Scan]) {
     let Some(folder) = data() else { return };
     let exec = Exec::default();
-    for scan in SCANS {
+    for scan in scans {
         let volume =
             ivd_io::volume::read(&folder.join(scan.file), &ivd_io::volume::ReadOptions::default(), &exec)
                 .unwrap();

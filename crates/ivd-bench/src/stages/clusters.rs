@@ -1,6 +1,6 @@
 //! The other ways to cluster: each knob that trades time for closeness to the method's own exact or finest answer.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use ivd_core::{Exec, Labels, Volume, VoxelType};
 use ivd_phantom::{Params, generate};
@@ -37,7 +37,7 @@ pub(super) fn experiment(stage: &str, size: usize, exec: &Exec) -> Option<Result
     let on: fn(&Arc<Volume>, String, &Exec) -> Result<Experiment, Problem> = match stage {
         "segment-kmvs" => kmeans,
         "segment-emvs" => mixture,
-        "segment-msvs" => modes,
+        "segment-msvs" => |volume, input, exec| Ok(modes(volume, input, exec)),
         "segment-hvs" => tree,
         _ => return None,
     };
@@ -56,7 +56,7 @@ pub(super) fn on(
     Some(match stage {
         "segment-kmvs" => kmeans(volume, input, exec),
         "segment-emvs" => mixture(volume, input, exec),
-        "segment-msvs" => modes(volume, input, exec),
+        "segment-msvs" => Ok(modes(volume, input, exec)),
         "segment-hvs" => tree(volume, input, exec),
         _ => return None,
     })
@@ -122,14 +122,19 @@ fn mixture(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experimen
 }
 
 /// Mean shift on position and intensity, on coarser cells.
-fn modes(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment, Problem> {
+fn modes(volume: &Arc<Volume>, input: String, exec: &Exec) -> Experiment {
     let (dims, spacing) = (volume.grid().dims(), volume.grid().spacing());
     let voxels = dims.into_iter().max().unwrap_or(1) as f64;
     let bandwidth = WHOLE * (0.2 * voxels / WHOLE).round().max(1.0);
     let voxel = spacing.into_iter().fold(f64::INFINITY, f64::min);
     let base = MsvsParams { spatial_bandwidth: bandwidth * voxel, ..MsvsParams::default() };
     let finest = MsvsParams { cells_per_bandwidth: CELLS[CELLS.len() - 1], ..base.clone() };
-    let truth = Arc::new(msvs(volume, None, &finest, exec)?.segmentation.labels);
+    // Found when the first result is held against it: who only asks what settings there are doesn't wait for it.
+    let (of, exec) = (volume.clone(), exec.clone());
+    let truth = Arc::new(LazyLock::new(move || {
+        let found = msvs(&of, None, &finest, &exec).map_err(|problem| problem.to_string())?;
+        Ok::<_, String>(found.segmentation.labels)
+    }));
     let settings = CELLS.map(|cells| {
         let (volume, truth) = (volume.clone(), truth.clone());
         let params = MsvsParams { cells_per_bandwidth: cells, ..base.clone() };
@@ -138,13 +143,14 @@ fn modes(volume: &Arc<Volume>, input: String, exec: &Exec) -> Result<Experiment,
             let found = msvs(&volume, None, &params, exec)?;
             let truth = truth.clone();
             Ok(Box::new(move || {
-                let apart = 1.0 - agreement(&found.segmentation.labels, &truth)?;
+                let truth = LazyLock::force(&truth).as_ref().map_err(String::clone)?;
+                let apart = 1.0 - agreement(&found.segmentation.labels, truth)?;
                 Ok(judged(apart, [("cells", found.cells as f64)]))
             }))
         })
     });
     let words = ["twelve cells a bandwidth", "1 − adjusted Rand index to the truth", "of 1"];
-    Ok(built("segment-msvs", volume, input, words, settings.into()))
+    built("segment-msvs", volume, input, words, settings.into())
 }
 
 /// Ward's tree from fewer regions.

@@ -20,8 +20,8 @@ const MOVE_MM: f64 = 5.0;
 const REACH_MM: f64 = 20.0;
 /// Angle of the twist at its middle (degrees).
 const TWIST: f64 = 25.0;
-/// Voxels along the cube of [`maps`] at least: the handle's radius is ten of them.
-const LEAST: usize = 64;
+/// Voxels along the cube of [`maps`] at least: the handle's radius is five of them.
+const LEAST: usize = 32;
 /// Levels of refinement.
 const LEVELS: [u8; 4] = [0, 1, 2, 3];
 const MEASURE: &str = "difference of the voxels' displacements where one moves, root mean square";
