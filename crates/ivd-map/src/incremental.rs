@@ -78,7 +78,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
             let Searched { sides, kept, .. } = self.searched.as_mut().expect("made above");
             let (lattice, positions) = (&*self.lattice, &self.positions);
             let part = Part { lattice, positions, inside: &self.inside, nearest: sides };
-            let region = Region::new(motion, frame, positions, &params.band, params.depth);
+            let region = Region::of_each(motion, frame, positions, &params.band, params.depth);
             if largest(frame) == 0.0 && exec.skip && !kept.sought() {
                 look_ahead(&part, &region.ahead(&params.band), params, kept, exec)?;
             }
@@ -90,5 +90,36 @@ impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
     /// Forgets the nearest points that it keeps.
     pub fn forget(&mut self) {
         self.searched = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::DepthWeight;
+    use crate::tests::{both_ends_pushed, mapped_apart};
+
+    #[test]
+    fn what_one_handle_moves_another_far_from_it_does_not_change_by_a_bit() {
+        let exec = Exec::default();
+        for weight in [DepthWeight::Smooth, DepthWeight::Linear] {
+            let params = OctreeParams { weight, ..OctreeParams::default() };
+            mapped_apart(|lengths| both_ends_pushed(lengths).map(&params, &exec).unwrap());
+        }
+    }
+
+    #[test]
+    fn a_drag_of_several_handles_gives_what_each_motion_gives_alone() {
+        let exec = Exec::default();
+        let params = OctreeParams::default();
+        let still = both_ends_pushed([0.0; 2]);
+        let tree = ivd_octree::build(&still.lattice, &ivd_octree::Params::default(), &exec).unwrap();
+        let mut dragged = IncrementalMap::new(&still.lattice, tree, &exec).unwrap();
+        dragged.map(&still.motion, 0, &params, &exec).unwrap();
+        for lengths in [[0.7, 0.0], [0.7, 0.4], [0.7, 2.5], [0.9, 2.5], [0.7, -1.0], [2.0, 0.4]] {
+            let scene = both_ends_pushed(lengths);
+            let moved = dragged.map(&scene.motion, 0, &params, &exec).unwrap();
+            assert!(moved.displacement == scene.map(&params, &exec).unwrap().displacement, "{lengths:?}");
+        }
     }
 }

@@ -34,7 +34,7 @@ pub fn nearest<N: Nearest>(
     exec.run(|| {
         let positions = lattice.local_positions();
         let part = Part { lattice, positions: &positions, inside, nearest };
-        let region = Region::new(motion, frame, &positions, &params.band, params.depth);
+        let region = Region::of_each(motion, frame, &positions, &params.band, params.depth);
         let field = carried(&part, frame, &region, params, None, exec)?;
         settle_of(&part, motion, frame, &region, &params.band).settle(field, exec)
     })

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::params::{OctreeParams, Outside};
-use super::region::Region;
+use super::region::{Region, Widths};
 
 /// The lattice point nearest to a place.
 #[derive(Debug, Clone, Copy)]
@@ -201,7 +201,8 @@ struct Carrier<'a, N> {
     displacement: &'a [[f64; 3]],
     region: &'a Region,
     params: &'a OctreeParams,
-    margin: f64,
+    /// Where they are the same everywhere.
+    alike: Option<Widths>,
     layer: f64,
 }
 
@@ -213,7 +214,7 @@ impl<'a, N: Nearest> Carrier<'a, N> {
         params: &'a OctreeParams,
     ) -> Self {
         let layer = LAYER * part.lattice.grid().voxel_diagonal();
-        Self { part, displacement, region, params, margin: region.margin(), layer }
+        Self { part, displacement, region, params, alike: region.alike(), layer }
     }
 
     /// Fills a brick, which is 0.
@@ -229,9 +230,11 @@ impl<'a, N: Nearest> Carrier<'a, N> {
             let slot = seen.slot as usize;
             let voxel = VoxelIndex([first[0] + slot % 8, first[1] + slot / 8 % 8, first[2] + slot / 64]);
             let inside = self.part.inside.inside()[grid.linear(voxel)] != 0;
-            let near = self.weight(inside, seen.distance);
+            let point = || linear * VoxelCoord::from(voxel).0;
+            let widths = self.alike.unwrap_or_else(|| self.region.widths(point()));
+            let near = self.weight(inside, widths, seen.distance);
             if near > 0.0 {
-                let weight = self.region.weight(linear * VoxelCoord::from(voxel).0) * near;
+                let weight = self.region.weight(point()) * near;
                 if weight > 0.0 {
                     out[slot] = (self.motion(seen) * weight).map(|c| c as f32).into();
                 }
@@ -241,8 +244,10 @@ impl<'a, N: Nearest> Carrier<'a, N> {
 
     /// Searches for the voxels of a brick that aren't known as far as they need to be, `ahead` times as far as that.
     fn search_brick(&self, brick: usize, ahead: f64, found: &mut KeptBrick) {
-        let limits = [false, true].map(|inside| self.limit(inside));
-        let most = limits[0].max(limits[1]);
+        let limits = |widths: Widths| [false, true].map(|inside| self.limit(inside, widths));
+        let [outside, inside] = limits(self.region.widest());
+        let most = outside.max(inside);
+        let alike = self.alike.map(limits);
         if f64::from(found.least) >= most {
             return;
         }
@@ -254,11 +259,12 @@ impl<'a, N: Nearest> Carrier<'a, N> {
             if found.knows(slot, most) {
                 continue;
             }
+            let point = linear * VoxelCoord::from(voxel).0;
+            let limits = alike.unwrap_or_else(|| limits(self.region.widths(point)));
             let limit = limits[usize::from(self.part.inside.inside()[grid.linear(voxel)] != 0)];
             if found.knows(slot, limit) {
                 continue;
             }
-            let point = linear * VoxelCoord::from(voxel).0;
             if self.region.weight(point) > 0.0 {
                 let known = known.get_or_insert_with(|| Known::new(grid.voxel_diagonal()));
                 self.search(slot, point, limit * ahead, known, found);
@@ -288,19 +294,19 @@ impl<'a, N: Nearest> Carrier<'a, N> {
     }
 
     /// Distance beyond which the weight is 0.
-    fn limit(&self, inside: bool) -> f64 {
+    fn limit(&self, inside: bool, widths: Widths) -> f64 {
         match (inside, self.params.band.outside) {
             (true, _) if self.params.weight == super::DepthWeight::One => f64::INFINITY,
-            (true, _) => self.region.depth,
-            (false, Outside::Band) => self.margin,
+            (true, _) => widths.depth,
+            (false, Outside::Band) => widths.margin,
             (false, Outside::Free) => self.layer,
         }
     }
 
-    fn weight(&self, inside: bool, distance: f64) -> f64 {
+    fn weight(&self, inside: bool, widths: Widths, distance: f64) -> f64 {
         match (inside, self.params.band.outside) {
-            (true, _) => self.params.weight.at(distance / self.region.depth),
-            (false, Outside::Band) => smooth_fall(distance / self.margin),
+            (true, _) => self.params.weight.at(distance / widths.depth),
+            (false, Outside::Band) => smooth_fall(distance / widths.margin),
             (false, Outside::Free) => f64::from(u8::from(distance <= self.layer)),
         }
     }

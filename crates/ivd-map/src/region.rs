@@ -12,8 +12,6 @@ const WIDTHS: f64 = 4.0;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Region {
     balls: Vec<Reach>,
-    /// Depth at which the depth weight ends (mm).
-    pub(super) depth: f64,
 }
 
 /// The ball of a handle.
@@ -25,12 +23,40 @@ struct Reach {
     radius: f64,
     /// Width of the fall-off beyond it (mm).
     margin: f64,
+    /// Depth at which the depth weight ends (mm).
+    depth: f64,
+}
+
+/// How far a motion falls off at a place: outside the lattice and inside it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Widths {
+    /// (mm).
+    pub(super) margin: f64,
+    /// (mm).
+    pub(super) depth: f64,
 }
 
 impl Reach {
     /// Radius with the margin (mm).
     fn far(&self) -> f64 {
         self.radius + self.margin
+    }
+
+    fn widths(&self) -> Widths {
+        Widths { margin: self.margin, depth: self.depth }
+    }
+
+    /// 1 in the ball, 0 beyond the margin; nothing of what lies beyond.
+    fn weight(&self, point: Vector3<f64>) -> Option<f64> {
+        let (squared, far) = ((point - self.centre).norm_squared(), self.far());
+        // Most voxels lie beyond or within; a root and a quotient tell no more of them.
+        if squared > far * far * (1.0 + 1e-12) {
+            return None;
+        }
+        if self.radius > 0.0 && squared < self.radius * self.radius * (1.0 - 1e-12) {
+            return Some(1.0);
+        }
+        Some(smooth_fall((squared.sqrt() - self.radius) / self.margin))
     }
 }
 
@@ -49,32 +75,54 @@ impl Region {
         let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
         let margin = band.margin.unwrap_or_else(|| (WIDTHS * most).max(least_margin(motion.grid())));
         let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid().voxel_diagonal()));
-        let balls = balls.into_iter().map(|(centre, radius)| Reach { centre, radius, margin }).collect();
-        Self { balls, depth }
+        let reach = |(centre, radius)| Reach { centre, radius, margin, depth };
+        Self { balls: balls.into_iter().map(reach).collect() }
     }
 
-    /// The same with margins that follow the motion of each ball's own vertices: what a handle moves doesn't depend on how far others, far
-    /// from it, are moved. Where balls come to overlap, each adopts the other's margin by degrees.
-    ///
-    /// Its depth says nothing.
-    pub(super) fn of_each(motion: &Motion, frame: &Frame, positions: &[Vector3<f64>], band: &Band) -> Self {
-        let mut region = Self { depth: 0.0, ..Self::new(motion, frame, positions, band, None) };
-        if band.margin.is_some() || region.balls.len() < 2 {
+    /// The same with margins and depths that follow the motion of each ball's own vertices: what a handle moves doesn't depend on how far others, far
+    /// from it, are moved. Where balls come to overlap, each adopts the other's by degrees.
+    pub(super) fn of_each(
+        motion: &Motion,
+        frame: &Frame,
+        positions: &[Vector3<f64>],
+        band: &Band,
+        depth: Option<f64>,
+    ) -> Self {
+        let mut region = Self::new(motion, frame, positions, band, depth);
+        if (band.margin.is_some() && depth.is_some()) || region.balls.len() < 2 {
             return region;
         }
-        let most = largest_of_each(&region.balls, frame, positions);
-        let least = least_margin(motion.grid());
-        let alone = |i: usize| (WIDTHS * most[i]).max(least);
-        let far = |i: usize| region.balls[i].radius + alone(i);
-        let shared = |i: usize, j: usize| {
-            let apart = (region.balls[i].centre - region.balls[j].centre).norm();
-            WIDTHS * most[j] * ((far(i) + far(j) - apart) / alone(j)).clamp(0.0, 1.0)
+        let balls = &region.balls;
+        let most = largest_of_each(balls, frame, positions);
+        let (least, voxel) = (least_margin(motion.grid()), motion.grid().voxel_diagonal());
+        let alone = |i: usize| {
+            let reach = balls[i].radius.max(4.0 * most[i]).max(voxel);
+            Widths {
+                margin: band.margin.unwrap_or_else(|| (WIDTHS * most[i]).max(least)),
+                depth: depth.unwrap_or(reach),
+            }
         };
-        let count = region.balls.len();
-        let margins: Vec<f64> =
-            (0..count).map(|i| (0..count).map(|j| shared(i, j)).fold(alone(i), f64::max)).collect();
-        for (ball, margin) in region.balls.iter_mut().zip(margins) {
-            ball.margin = margin;
+        let alone: Vec<Widths> = (0..balls.len()).map(alone).collect();
+        let far = |i: usize| balls[i].radius + alone[i].margin;
+        // How much of another's widths a ball adopts: all where it lies as far in it as that one's margin is wide.
+        let degree = |i: usize, j: usize| {
+            let apart = (balls[i].centre - balls[j].centre).norm();
+            ((far(i) + far(j) - apart) / alone[j].margin).clamp(0.0, 1.0)
+        };
+        let adopted = |i: usize| {
+            (0..balls.len()).filter(|j| *j != i).fold(alone[i], |own, j| {
+                let degree = degree(i, j);
+                let margin = match band.margin {
+                    Some(given) => given,
+                    None => own.margin.max(WIDTHS * most[j] * degree),
+                };
+                let depth = depth.unwrap_or_else(|| own.depth.max(alone[j].depth * degree));
+                Widths { margin, depth }
+            })
+        };
+        let all: Vec<Widths> = (0..balls.len()).map(adopted).collect();
+        for (ball, Widths { margin, depth }) in region.balls.iter_mut().zip(all) {
+            (ball.margin, ball.depth) = (margin, depth);
         }
         region
     }
@@ -95,7 +143,7 @@ impl Region {
         for (root, ball) in part_of.into_iter().zip(&self.balls) {
             match parts.iter_mut().find(|(other, _)| *other == root) {
                 Some((_, part)) => part.balls.push(*ball),
-                None => parts.push((root, Self { balls: vec![*ball], depth: self.depth })),
+                None => parts.push((root, Self { balls: vec![*ball] })),
             }
         }
         parts.into_iter().map(|(_, part)| part).collect()
@@ -110,6 +158,35 @@ impl Region {
     /// The widest margin (mm).
     pub(super) fn margin(&self) -> f64 {
         self.balls.iter().map(|ball| ball.margin).fold(0.0, f64::max)
+    }
+
+    /// The widths of all balls, where they are alike.
+    pub(super) fn alike(&self) -> Option<Widths> {
+        let first = self.balls.first()?.widths();
+        self.balls.iter().all(|ball| ball.widths() == first).then_some(first)
+    }
+
+    /// The widest of them.
+    pub(super) fn widest(&self) -> Widths {
+        let depth = self.balls.iter().map(|ball| ball.depth).fold(0.0, f64::max);
+        Widths { margin: self.margin(), depth }
+    }
+
+    /// The widths at a point: of the ball that reaches it, and between those of several by how much each counts there.
+    pub(super) fn widths(&self, point: Vector3<f64>) -> Widths {
+        let mut reached = self
+            .balls
+            .iter()
+            .filter_map(|ball| Some((ball.widths(), ball.weight(point).filter(|w| *w > 0.0)?)));
+        let Some((first, weight)) = reached.next() else { return self.widest() };
+        // Differences from the first: a ball that reaches a point alone has its own widths to the bit.
+        let (mut sum, mut beyond) = (weight, [0.0; 2]);
+        for (other, weight) in reached {
+            sum += weight;
+            beyond[0] += weight * (other.margin - first.margin);
+            beyond[1] += weight * (other.depth - first.depth);
+        }
+        Widths { margin: first.margin + beyond[0] / sum, depth: first.depth + beyond[1] / sum }
     }
 
     /// How far a point lies beyond it (mm); below 0 within.
@@ -130,21 +207,15 @@ impl Region {
             return self.clone();
         }
         let wider = |ball: &Reach| Reach { margin: ball.margin.max(0.5 * ball.radius), ..*ball };
-        let wide: Vec<Reach> = self.balls.iter().map(wider).collect();
-        let margin = wide.iter().map(|ball| ball.margin).fold(0.0, f64::max);
-        // The margin is the same for all; a smaller ball gives up what it has too much of it.
-        let alike = |ball: Reach| Reach { radius: ball.far() - margin, margin, ..ball };
-        Self { balls: wide.into_iter().map(alike).collect(), depth: self.depth }
+        Self { balls: self.balls.iter().map(wider).collect() }
     }
 
     /// The same with margins that motions of about this length share, where they follow the motion: the next of a row, each √2 times the one
     /// before.
     ///
     /// - `least`: the smallest margin (mm).
-    ///
-    /// Its depth says nothing.
     pub(super) fn shared(&self, band: &Band, least: f64) -> Self {
-        let mut shared = Self { depth: 0.0, ..self.clone() };
+        let mut shared = self.clone();
         if band.margin.is_none() {
             for ball in &mut shared.balls {
                 let steps = (2.0 * (ball.margin / least).log2()).ceil().max(0.0);
@@ -157,17 +228,11 @@ impl Region {
     /// ω: 1 in the balls, 0 beyond the margin, `1 − Π (1 − ωᵢ)` over the balls in between.
     pub(super) fn weight(&self, point: Vector3<f64>) -> f64 {
         let mut still = 1.0;
-        for ball in &self.balls {
-            let Reach { centre, radius, margin } = ball;
-            let (squared, far) = ((point - centre).norm_squared(), ball.far());
-            // Most voxels lie beyond or within; a root and a quotient tell no more of them.
-            if squared > far * far * (1.0 + 1e-12) {
-                continue;
+        for weight in self.balls.iter().filter_map(|ball| ball.weight(point)) {
+            still *= 1.0 - weight;
+            if still == 0.0 {
+                break;
             }
-            if *radius > 0.0 && squared < radius * radius * (1.0 - 1e-12) {
-                return 1.0;
-            }
-            still *= 1.0 - smooth_fall((squared.sqrt() - radius) / margin);
         }
         1.0 - still
     }
@@ -275,14 +340,14 @@ mod tests {
     fn looking_ahead_widens_each_ball_by_its_own_size() {
         let grid = sheared_grid([40, 33, 20]);
         let balls = [(Vector3::repeat(5.0), 2.0), (Vector3::repeat(30.0), 40.0)];
-        let balls = balls.map(|(centre, radius)| Reach { centre, radius, margin: 3.0 }).to_vec();
-        let region = Region { balls, depth: 40.0 };
+        let balls = balls.map(|(centre, radius)| Reach { centre, radius, margin: 3.0, depth: 40.0 }).to_vec();
+        let region = Region { balls };
         let ahead = region.ahead(&Band::default());
         assert_eq!(ahead.balls().map(|b| b.1).collect::<Vec<_>>(), [5.0, 60.0]);
         assert_eq!(ahead.margin(), 20.0);
-        // A ball that gave up more than it has covers what it covered, no more.
+        // A small ball covers what it covered, no more.
         let at = |distance: f64| Vector3::repeat(5.0) - Vector3::x() * distance;
-        let small = Region { balls: ahead.balls[..1].to_vec(), ..ahead };
+        let small = Region { balls: ahead.balls[..1].to_vec() };
         assert!(small.weight(at(0.0)) > 0.0 && small.weight(at(4.9)) > 0.0);
         assert_eq!(small.weight(at(5.1)), 0.0);
         assert!(small.bricks(&grid).len() < region.bricks(&grid).len());
@@ -301,9 +366,11 @@ mod tests {
             let motion = Motion::new(grid.clone(), 3, vec![]).unwrap();
             let motion = motion.with_reach(vec![ball(0.0, 5.0), ball(apart, 10.0)]).unwrap();
             let frame = Frame { time: 0.0, displacement };
-            Region::of_each(&motion, &frame, &positions, &Band { margin: given, ..Band::default() })
+            Region::of_each(&motion, &frame, &positions, &Band { margin: given, ..Band::default() }, None)
         };
         let margins = |apart| region(apart, None).balls.iter().map(|b| b.margin).collect::<Vec<_>>();
+        let depths = |apart| region(apart, None).balls.iter().map(|b| b.depth).collect::<Vec<_>>();
+        assert_eq!((depths(56.0), depths(12.0)), (vec![8.0, 32.0], vec![32.0, 32.0]));
         assert_eq!(margins(56.0), [8.0, 32.0], "four times the own motion");
         assert_eq!(region(56.0, None).parts().len(), 2);
         assert_eq!((margins(55.0), region(55.0, None).parts().len()), (vec![8.0, 32.0], 1));
@@ -314,11 +381,25 @@ mod tests {
             assert!((before..=before + 0.11).contains(&margin), "{margin} after {before}");
             before = margin;
         }
+        // From one ball to the other widths change by degrees, and one alone has its own.
+        let meet = region(45.0, None);
+        let [own, other] = [0, 1].map(|i| meet.balls[i].widths());
+        let at = |x: f64| meet.widths(Vector3::x() * x);
+        assert_eq!((at(-5.0), at(2.0), at(60.0)), (own, own, other));
+        assert!(own.margin < other.margin && own.depth < other.depth && meet.alike().is_none());
+        for step in 0..500 {
+            let [here, next] = [0.0, 0.01].map(|more| at(0.01 * f64::from(step) * 9.0 + more));
+            assert!(
+                (next.margin - here.margin).abs() < 0.1 && (next.depth - here.depth).abs() < 0.1,
+                "{step}"
+            );
+            assert!((own.margin..=other.margin).contains(&here.margin), "{here:?}");
+        }
         let given = region(56.0, Some(3.0));
         assert!(given.balls.iter().all(|ball| ball.margin == 3.0) && given.parts().len() == 2);
         // Chains are one part, wherever they begin.
-        let reach = |x: f64| Reach { centre: Vector3::x() * x, radius: 1.0, margin: 1.5 };
-        let parts = Region { balls: [0.0, 8.0, 20.0, 4.0, 26.0].map(reach).to_vec(), depth: 0.0 }.parts();
+        let reach = |x: f64| Reach { centre: Vector3::x() * x, radius: 1.0, margin: 1.5, depth: 0.0 };
+        let parts = Region { balls: [0.0, 8.0, 20.0, 4.0, 26.0].map(reach).to_vec() }.parts();
         let starts: Vec<Vec<f64>> =
             parts.iter().map(|part| part.balls.iter().map(|b| b.centre.x).collect()).collect();
         assert_eq!(starts, [vec![0.0, 8.0, 4.0], vec![20.0], vec![26.0]]);

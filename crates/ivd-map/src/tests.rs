@@ -140,6 +140,40 @@ pub(super) fn dented(scale: f64, push: f64) -> Scene {
     scene(&grid, ball(centre, 10.0 * scale), pushed(top, radius, push), &[(top, radius)])
 }
 
+/// A bar with a push of some lengths (mm) at each end.
+pub(super) fn both_ends_pushed(lengths: [f64; 2]) -> Scene {
+    let grid = Grid::with_spacing([72, 30, 30], [1.0; 3]).unwrap();
+    let centre = middle(&grid);
+    let bar = move |p: Vector3<f64>| {
+        let (along, across) = ((p - centre).x.abs(), (p - centre).yz().norm());
+        (32.0 - along).min(7.0 - across)
+    };
+    let ends = [-1.0, 1.0].map(|way| centre + Vector3::new(way * 24.0, 0.0, 7.0));
+    let pushes = [0, 1].map(|i| pushed(ends[i], 6.0, Vector3::z() * -lengths[i]));
+    let moves = move |p: Vector3<f64>| pushes.iter().map(|push| push(p)).sum();
+    scene(&grid, bar, moves, &ends.map(|end| (end, 6.0)))
+}
+
+/// The maps of both pushes, a short and a long one, and of each alone: what one moves the other doesn't change by a bit.
+pub(super) fn mapped_apart(of: impl Fn([f64; 2]) -> MapResult) -> [MapResult; 3] {
+    let [both, one, other] = [of([0.7, 2.5]), of([0.7, 0.0]), of([0.0, 2.5])];
+    let forward = |mapped: &MapResult, v| mapped.displacement.forward().at(v);
+    let inverse = |mapped: &MapResult, v| mapped.displacement.inverse().at(v);
+    let mut moved = [0; 2];
+    for voxel in voxels(both.displacement.grid()) {
+        let alone = if forward(&one, voxel) == [0.0; 3] { &other } else { &one };
+        let at = forward(&both, voxel);
+        assert_eq!(at, forward(alone, voxel), "{voxel:?}");
+        assert!(forward(&one, voxel) == [0.0; 3] || forward(&other, voxel) == [0.0; 3], "{voxel:?}");
+        let alone = if inverse(&one, voxel) == [0.0; 3] { &other } else { &one };
+        assert_eq!(inverse(&both, voxel), inverse(alone, voxel), "{voxel:?}");
+        moved[usize::from(voxel.0[0] > 36)] += usize::from(at != [0.0; 3]);
+    }
+    // The longer way takes more room.
+    assert!(moved[0] > 500 && moved[1] > 2 * moved[0], "{moved:?}");
+    [both, one, other]
+}
+
 #[test]
 fn no_motion_is_the_identity_without_a_brick() {
     let grid = sheared_grid([20, 20, 10]);

@@ -251,7 +251,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             self.take_inner(motion.inner());
             self.take_roles(motion);
             let (grid, band) = (self.lattice.grid(), &params.band);
-            let mut region = Region::new(motion, frame, &self.positions, band, None);
+            // No depth: what is smoothest needs none.
+            let mut region = Region::new(motion, frame, &self.positions, band, Some(0.0));
             if largest(frame) == 0.0 {
                 let bricks = moving_bricks(grid, &region, frame, exec)?;
                 let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
@@ -269,7 +270,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
             let mut parts = vec![region.clone()];
             if region.balls().count() > 1 && Affine::fit(&self.positions, &motions).is_none() {
-                region = Region::of_each(motion, frame, &self.positions, band);
+                region = Region::of_each(motion, frame, &self.positions, band, Some(0.0));
                 parts = region.parts();
             }
             let settle = Settle {

@@ -229,46 +229,17 @@ fn together(dims: [usize; 3], bricks: &[usize], parts: &[Made]) -> Result<FieldB
 #[cfg(test)]
 mod tests {
     use ivd_core::Grid;
-    use ivd_field::fixtures::{bump, middle, voxels};
+    use ivd_field::fixtures::{middle, voxels};
 
     use super::*;
-    use crate::tests::{Scene, scene};
+    use crate::tests::{both_ends_pushed as pushed, mapped_apart, scene};
     use crate::{Band, Outside};
-
-    /// A bar with a push of some lengths (mm) at each end.
-    fn pushed(lengths: [f64; 2]) -> Scene {
-        let grid = Grid::with_spacing([72, 30, 30], [1.0; 3]).unwrap();
-        let centre = middle(&grid);
-        let bar = move |p: Vector3<f64>| {
-            let (along, across) = ((p - centre).x.abs(), (p - centre).yz().norm());
-            (32.0 - along).min(7.0 - across)
-        };
-        let ends = [-1.0, 1.0].map(|way| centre + Vector3::new(way * 24.0, 0.0, 7.0));
-        let pushes = [0, 1].map(|i| bump(ends[i], 6.0, Vector3::z() * -lengths[i]));
-        let moves = move |p: Vector3<f64>| pushes.iter().map(|push| push(p)).sum();
-        scene(&grid, bar, moves, &ends.map(|end| (end, 6.0)))
-    }
 
     #[test]
     fn what_one_handle_moves_another_far_from_it_does_not_change_by_a_bit() {
         let exec = Exec::default();
         let params = BiharmonicParams::default();
-        let of = |lengths| pushed(lengths).smooth(&params, &exec).unwrap();
-        let [both, one, other] = [of([0.7, 2.5]), of([0.7, 0.0]), of([0.0, 2.5])];
-        let forward = |mapped: &crate::MapResult, v| mapped.displacement.forward().at(v);
-        let inverse = |mapped: &crate::MapResult, v| mapped.displacement.inverse().at(v);
-        let mut moved = [0; 2];
-        for voxel in voxels(pushed([1.0; 2]).lattice.grid()) {
-            let alone = if forward(&one, voxel) == [0.0; 3] { &other } else { &one };
-            let at = forward(&both, voxel);
-            assert_eq!(at, forward(alone, voxel), "{voxel:?}");
-            assert!(forward(&one, voxel) == [0.0; 3] || forward(&other, voxel) == [0.0; 3], "{voxel:?}");
-            let alone = if inverse(&one, voxel) == [0.0; 3] { &other } else { &one };
-            assert_eq!(inverse(&both, voxel), inverse(alone, voxel), "{voxel:?}");
-            moved[usize::from(voxel.0[0] > 36)] += usize::from(at != [0.0; 3]);
-        }
-        // The longer way takes more room.
-        assert!(moved[0] > 500 && moved[1] > 2 * moved[0], "{moved:?}");
+        let [both, one, other] = mapped_apart(|lengths| pushed(lengths).smooth(&params, &exec).unwrap());
         let [both, one, other] = [both, one, other].map(|mapped| mapped.figures.solved.unwrap());
         assert_eq!(
             (both.nodes, both.iterations),

@@ -15,7 +15,7 @@ impl Scene {
     /// The equations of the whole motion.
     pub(super) fn system(&self, params: &BiharmonicParams) -> (Region, System) {
         let (grid, positions) = (self.lattice.grid(), self.lattice.local_positions());
-        let region = Region::new(&self.motion, &self.motion.frames()[0], &positions, &params.band, None);
+        let region = Region::new(&self.motion, &self.motion.frames()[0], &positions, &params.band, Some(0.0));
         let voxels: Vec<Vector3<f64>> = (0..positions.len()).map(|i| self.lattice.voxel(i).0).collect();
         let cells = Cells::new(grid, &region, params.cell);
         let places = Places::new(&cells, grid, &region, &voxels, &vec![true; voxels.len()]);
