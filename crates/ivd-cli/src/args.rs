@@ -15,7 +15,7 @@ use ivd_pipeline::scene::{Override, triple};
 use crate::parse;
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
-pub(crate) use output::Output;
+pub(crate) use output::{Output, artefact_file};
 pub(crate) use serve::ServeArgs;
 pub(crate) use view::ViewArgs;
 
@@ -64,7 +64,7 @@ pub(crate) struct Global {
     /// Cache folder, or `off`. Single stages use a cache only if this is given.
     #[arg(long, global = true, value_name = "DIR|off")]
     pub(crate) cache: Option<PathBuf>,
-    /// Print errors only.
+    /// Print errors only; results still go to standard output.
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
     /// Print more; given twice, still more.

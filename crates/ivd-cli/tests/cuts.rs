@@ -275,6 +275,7 @@ fn frames_of_a_motion_are_exported_each_mapped_as_the_map_does() {
             "the motion has 3, numbered from 0",
         ),
         (&["m.ivd", "--lattice", "l.ivd", "--frame", "0", "-o", "x.pvd"], "leave --frame out"),
+        (&["m.ivd", "--lattice", "l.ivd", "-o", "x.nii.gz"], "add --frame N, or --frame all"),
         (&["m.ivd", "--lattice", "l.ivd", "--frame", "last", "-o", "x.ply"], "or all"),
         (&["d.ivd", "--frame", "0", "-o", "x.nrrd"], "a displacement artefact has no frames"),
         (&["l.ivd", "--frame", "all", "-o", "x.ply"], "a lattice artefact has no frames"),

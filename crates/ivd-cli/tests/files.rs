@@ -39,6 +39,31 @@ fn a_mesh_goes_out_in_the_space_that_is_asked_for_and_comes_back_from_it() {
 }
 
 #[test]
+fn an_artefact_has_no_name_of_another_format() {
+    let folder = tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "sphere", "--size", "24", "-o", "ball.ivd"]);
+    json(at, &["lattice", "ball.ivd", "--iso", "127.5", "-o", "lattice.ivd"]);
+    let plane = "point=12,12,12;normal=0,0,1";
+    for words in [
+        &["import", "ball.ivd", "-o", "a.mha"][..],
+        &["phantom", "sphere", "--size", "24", "-o", "a.nii.gz"],
+        &["lattice", "ball.ivd", "--iso", "127.5", "-o", "a.stl"],
+        &["refine", "lattice.ivd", "--level", "1", "-o", "a.PLY"],
+        &["clip", "ball.ivd", "--plane", plane, "-o", "a.nrrd"],
+        &["segment", "ball.ivd", "--k", "2", "-o", "a.json"],
+    ] {
+        let (code, said) = refused(at, words);
+        let file = words.last().unwrap();
+        assert!(code == 2 && said.contains("ivd export FILE.ivd -o ") && said.contains(file), "{said}");
+        assert!(!at.join(file).exists(), "{file}");
+    }
+    // Any other name is the user's.
+    json(at, &["lattice", "ball.ivd", "--iso", "127.5", "-o", "cut.surface"]);
+    json(at, &["export", "cut.surface", "-o", "a.stl"]);
+}
+
+#[test]
 fn a_scene_says_the_space_of_its_meshes() {
     let folder = tempdir().unwrap();
     let at = folder.path();

@@ -335,6 +335,11 @@ fn every_frame_of_a_motion_is_written_and_the_last_is_the_still_one() {
         }
         std::fs::remove_dir_all(at.join("out")).unwrap();
     }
+    // A solver that knows no time gives the end alone, and says so where all frames are asked for.
+    let done = pipeline(at, &SCENE.replace("volume = \"out.nii.gz\"", "animation = \"move.glb\""));
+    let told = String::from_utf8(done.stderr).unwrap();
+    assert!(done.status.success() && told.contains("output.animation: the motion has one frame"), "{told}");
+    assert!(told.contains("deform.frames gives more"), "{told}");
     // What stands still can't be an animation, and one frame isn't all.
     let with = |outputs: &str| SCENE.replace("volume = \"out.nii.gz\"", outputs);
     for (scene, word) in [

@@ -53,6 +53,9 @@
 //! [`DepthWeight::One`] the inside of the balls moves exactly as the lattice does under a translation. A rotation of the
 //! lattice is met on its surface only: inside, the error grows as `‖R − I‖ · d`.
 //!
+//! Without a given margin or depth each ball has its own, by the motion of its own vertices; balls that overlap adopt one another's by
+//! degrees, and where several reach a voxel `m` and `depth` are the means of theirs, weighted by what each contributes to ω.
+//!
 //! The slope of `s` is at most 3/2, so with the default margin and depth of four times the largest motion neither band
 //! nor cut-off can fold by itself.
 //!

@@ -205,6 +205,9 @@ impl MapFigures {
                 "vertices within two voxels of others are told to move differently",
             ));
         }
+        if let Some(last) = told.last_mut() {
+            *last += "; what moves more evenly is followed more closely: move less, or widen the radius";
+        }
         told.extend((self.min_det_j < SQUEEZED).then(|| self.squeezed_told()));
         (!told.is_empty()).then(|| told.join("; "))
     }
@@ -227,7 +230,7 @@ impl MapFigures {
         };
         format!(
             "space{much} is squeezed to less than a tenth of its volume, at the worst corner of a voxel {worst}: it folds nowhere, but matter there can \
-             be hard to see; the slices show where, and a smaller move or another map.method (octree, biharmonic, body) may squeeze less"
+             be hard to see; the slices show where, and a smaller move, or of map.method octree and biharmonic the other, may squeeze less"
         )
     }
 }

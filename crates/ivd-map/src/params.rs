@@ -85,8 +85,8 @@ impl Elastic {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Band {
-    /// Width of the band outside the lattice and of the fall-off beyond the reach. Without it four times the largest motion (by `biharmonic`
-    /// that of each handle's own vertices, or of a handle that it overlaps), at least two voxel diagonals.
+    /// Width of the band outside the lattice and of the fall-off beyond the reach. Without it four times the largest motion of
+    /// each handle's own vertices, or of a handle that it overlaps (by `fem` and `body`: of all), at least two voxel diagonals.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub margin: Option<f64>,
     /// What happens outside the lattice.
@@ -111,7 +111,8 @@ impl Default for Band {
 pub struct OctreeParams {
     /// How the motion fades with depth inside the lattice.
     pub weight: DepthWeight,
-    /// Depth at which the motion has faded to 0. Without it the largest reach of a handle, at least four times the largest motion.
+    /// Depth at which the motion has faded to 0. Without it each handle's radius, at least four times the largest motion of its
+    /// own vertices; or those of a handle that it overlaps.
     #[schemars(extend("x-unit" = "mm", "exclusiveMinimum" = 0.0))]
     pub depth: Option<f64>,
     /// Beyond the lattice.

@@ -195,6 +195,16 @@ fn write_bytes(path: &Path, bytes: &[u8]) -> Result<bool, Error> {
     ivd_fs::replace(path, |_, source| failed(source), |to| to.write_all(bytes).map_err(failed))
 }
 
+/// Whether a file's ending is that of a format that artefacts are exported in: under it nobody looks for an artefact.
+pub fn is_of_another_format(path: &Path) -> bool {
+    let ending = ending(path);
+    let volumes = VOLUME_ENDINGS.iter().chain(&pictures::PICTURE_ENDINGS).chain(&["json", "pvd"]);
+    volumes
+        .copied()
+        .chain(ivd_io::mesh::Format::ALL.map(ivd_io::mesh::Format::ending))
+        .any(|known| known == ending)
+}
+
 /// The ending that decides the format, lower case, without a dot (`nii.gz` is one ending).
 pub fn ending(path: &Path) -> Cow<'static, str> {
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();

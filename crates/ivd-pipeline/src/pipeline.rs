@@ -187,6 +187,11 @@ fn walk(
         };
         *seen = seen.with(&result.artefact);
         control.after(node.id, &result);
+        if options.until.is_none()
+            && let Some(remark) = series::still(&loaded.scene, &result.artefact)
+        {
+            runner.exec.observer().note(&remark);
+        }
         if node.id == NodeId::IMPORT {
             // Where the volume lies is known: places far outside it are wrong whatever is found in it.
             for stage in

@@ -4,17 +4,22 @@ use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use ivd_core::Motion;
+use ivd_artefact::Artefact;
+use ivd_core::{Motion, Value as _};
 use serde_json::Value as Json;
 
 use crate::outputs::Writer;
 use crate::pipeline::{Context, run_node_as};
 use crate::plan::{NodeId, Plan};
 use crate::runner::{StageRecord, StageResult};
+use crate::scene::Scene;
 use crate::{Error, ending};
 
 /// Where the displacement of the last frame stands among what is done, while another frame is drawn by the same camera.
 const LAST: NodeId = NodeId { stage: ivd_map::STAGE.name, variant: "last frame" };
+
+/// How records of single frames are told apart begins so.
+pub(crate) const FRAME: &str = "frame";
 
 /// Writes what is asked for of every frame; `done` holds what the scene's own was made of.
 ///
@@ -49,6 +54,20 @@ pub(crate) fn write(
     Ok(records)
 }
 
+/// What is to say of a motion of one frame where a scene asks for pictures, meshes or volumes of all.
+pub(crate) fn still(scene: &Scene, made: &Artefact) -> Option<String> {
+    let motion = Motion::of(made).filter(|motion| motion.frames().len() == 1)?;
+    let keys = ["animation", "volume_series", "picture_series"];
+    let asked = scene.output.files().into_iter().map(|(key, _)| key).filter(|key| keys.contains(key));
+    let asked: Vec<String> = asked.map(|key| format!("output.{key}")).collect();
+    let first = asked.first()?;
+    let what = if asked.len() == 1 { first.clone() } else { asked.join(" and ") };
+    let time = motion.frames()[0].time;
+    Some(format!(
+        "{what}: the motion has one frame, its end after {time} s; deform.frames gives more, by a deform.solver that goes through time (dynamics, projective, xpbd)"
+    ))
+}
+
 /// Puts what the stages behind the motion make of one frame in the place of the scene's own.
 fn of_frame(
     plan: &Plan,
@@ -71,7 +90,7 @@ fn of_frame(
         let node = &own.nodes()[at];
         let chosen = if node.id.stage == ivd_map::STAGE.name { node } else { &plan.nodes()[at] };
         let mut result = run_node_as(node, chosen.stage.as_deref(), done, runner, options)?;
-        result.record.variant = format!("frame {frame}");
+        result.record.variant = format!("{FRAME} {frame}");
         result.record.why = format!("needed for {named}; {}", result.record.why);
         records.push(result.record.clone());
         done.insert(node.id, result);

@@ -6,6 +6,18 @@ use clap::Args as ClapArgs;
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct Output {
     /// Artefact file.
-    #[arg(short = 'o', long = "output", value_name = "FILE.ivd")]
+    #[arg(short = 'o', long = "output", value_name = "FILE.ivd", value_parser = artefact_file)]
     pub(crate) path: PathBuf,
+}
+
+/// A name for an artefact: none that says that the file is of another format.
+pub(crate) fn artefact_file(name: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(name);
+    if !ivd_pipeline::is_of_another_format(&path) {
+        return Ok(path);
+    }
+    let ending = ivd_pipeline::ending(&path);
+    Err(format!(
+        "what is written is an artefact of this program, which nothing reads as .{ending}: name it .ivd, and make the other of that by `ivd export FILE.ivd -o {name}`"
+    ))
 }

@@ -49,6 +49,14 @@ pub(super) fn export(
         };
         input.artefact = std::sync::Arc::new(Artefact::Lattice(chosen));
     }
+    if frame.is_none() && matches!(*input.artefact, Artefact::Motion(_)) && FIELDS.contains(&&*ending(output))
+    {
+        let problem = format!(
+            "{}: a displacement field is of one frame: add --frame N, or --frame all for a file of each, and --lattice with the lattice that moves",
+            output.display()
+        );
+        return Err(Failure::usage(problem));
+    }
     let is_mapped = frame.is_some() && FIELDS.contains(&&*ending(output));
     if direction.is_some() && !is_mapped && !matches!(*input.artefact, Artefact::Displacement(_)) {
         let kind = input.artefact.kind().name();

@@ -68,7 +68,7 @@ pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written
     let written = replace(path, |to| values.write(to, path, volume, exec))?;
     let grid = volume.grid();
     exec.observer().note(&format!(
-        "{}: numbers alone; --raw-dims {} --raw-type {} --raw-spacing {} read it back, --grid-of FILE gives it another's place",
+        "{}: numbers alone; --raw-dims {} --raw-type {} --raw-spacing {} read it back, or with --grid-of FILE in place of the spacing where that file lies",
         path.display(),
         listed(grid.dims()),
         values.voxel_type(volume).name(),

@@ -15,6 +15,7 @@ use serde_json::Value as Json;
 
 use super::{asked, plain};
 use crate::scene::{Loaded, Scene};
+use crate::series::FRAME;
 use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
 
@@ -44,9 +45,9 @@ pub(super) fn summary(
     html += &figures(&outcome);
     if !told.is_empty() {
         html += "<ul class='told'>";
-        html.extend(told.iter().map(|Told { about, text, warns }| {
+        html.extend(told.iter().map(|Told { about, frame, text, warns }| {
             let sign = if *warns { "<b>▲ Look at:</b>" } else { "Note:" };
-            format!("<li>{sign} {about}: {}</li>", escape(text))
+            format!("<li>{sign} {about}{}: {}</li>", escape(frame), escape(text))
         }));
         html += "</ul>";
     }
@@ -362,6 +363,8 @@ fn verdict(told: &[Told], map: Option<&MapFigures>, space: Option<&SpaceFigures>
 struct Told {
     /// Which stages it is of.
     about: String,
+    /// Which frame of several, after a comma.
+    frame: String,
     /// What.
     text: String,
     /// Whether the result may not be what was meant.
@@ -375,10 +378,16 @@ fn told(
     specks_moved: Option<u64>,
     map: Option<&MapFigures>,
 ) -> Result<Vec<Told>, Error> {
+    let has_frames = |stage: &str| records.iter().any(|r| r.stage == stage && r.variant.starts_with(FRAME));
     let remarks = records.iter().filter_map(|record| {
         // What a pixel shows was asked for.
         let warns = record.stage != ivd_render::STAGE.name;
-        Some(Told { about: record.stage.clone(), text: record.remark.clone()?, warns })
+        let frame = match &*record.variant {
+            variant if variant.starts_with(FRAME) => format!(", {variant}"),
+            _ if has_frames(&record.stage) => ", last frame".to_owned(),
+            _ => String::new(),
+        };
+        Some(Told { about: record.stage.clone(), frame, text: record.remark.clone()?, warns })
     });
     let mut told: Vec<Told> = remarks.collect();
     let cut = figures_of::<LatticeFigures>(records, extract::STAGE.name)?;
@@ -421,11 +430,13 @@ fn told(
 /// The scene's sections as they were written, but for what is shown above and where files lie.
 fn written(scene: &Scene) -> String {
     let shown_above = ["handle", "fix"];
-    let rows =
-        scene.written.iter().filter(|(name, _)| !["schema", "input", "output"].contains(&name.as_str()));
+    // Paths may carry a patient's name.
+    let files = ["file", "labels", "grid_of", "start"];
+    let rows = scene.written.iter().filter(|(name, _)| !["schema", "output"].contains(&name.as_str()));
     let rows = rows.flat_map(|(section, keys)| {
         let keys = keys.as_object().into_iter().flatten();
-        keys.filter(|(key, _)| !shown_above.contains(&key.as_str()))
+        let left_out = if section == "input" { &files[..] } else { &shown_above };
+        keys.filter(|(key, _)| !left_out.contains(&key.as_str()))
             .map(move |(key, value)| [Cell::Text(format!("{section}.{key}")), Cell::Text(word(value))])
     });
     let rows: Vec<[Cell; 2]> = rows.collect();
@@ -441,4 +452,28 @@ fn written(scene: &Scene) -> String {
 /// A value without its quotes.
 fn word(value: &Json) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn what_is_told_of_one_frame_of_several_names_it() {
+        let of = |stage: &str, variant: &str| -> StageRecord {
+            let told = json!({
+                "stage": stage, "variant": variant, "state": "ran", "why": "", "revision": 1, "backend": "cpu", "params": {}, "inputs": {},
+                "output": null, "cached": false, "wall_s": 0.0, "cpu_s": null, "peak_rss_mb": null, "remark": "left behind", "metrics": {},
+            });
+            serde_json::from_value(told).unwrap()
+        };
+        let frames = |records: &[StageRecord]| -> Vec<String> {
+            told(records, None, None).unwrap().into_iter().map(|told| told.about + &told.frame).collect()
+        };
+        assert_eq!(frames(&[of("deform", ""), of("map", "")]), ["deform", "map"]);
+        let series = [of("deform", ""), of("map", ""), of("map", "frame 0"), of("map", "frame 1")];
+        assert_eq!(frames(&series), ["deform", "map, last frame", "map, frame 0", "map, frame 1"]);
+    }
 }
