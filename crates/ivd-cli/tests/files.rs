@@ -52,10 +52,11 @@ fn an_artefact_has_no_name_of_another_format() {
         &["refine", "lattice.ivd", "--level", "1", "-o", "a.PLY"],
         &["clip", "ball.ivd", "--plane", plane, "-o", "a.nrrd"],
         &["segment", "ball.ivd", "--k", "2", "-o", "a.json"],
+        &["segment", "ball.ivd", "--method", "hvs", "--k", "2", "-o", "l.ivd", "--tree-out", "a.vti"],
     ] {
         let (code, said) = refused(at, words);
         let file = words.last().unwrap();
-        assert!(code == 2 && said.contains("ivd export FILE.ivd -o ") && said.contains(file), "{said}");
+        assert!(code == 2 && said.contains("`ivd export` makes of that") && said.contains(file), "{said}");
         assert!(!at.join(file).exists(), "{file}");
     }
     // Any other name is the user's.

@@ -56,8 +56,8 @@
 //! Without a given margin or depth each ball has its own, by the motion of its own vertices; balls that overlap adopt one another's by
 //! degrees, and where several reach a voxel `m` and `depth` are the means of theirs, weighted by what each contributes to ω.
 //!
-//! The slope of `s` is at most 3/2, so with the default margin and depth of four times the largest motion neither band
-//! nor cut-off can fold by itself.
+//! The slope of `s` is at most 3/2, so with the default margin and depth of at least four times the largest motion neither band
+//! nor cut-off of one ball can fold by itself; where balls of different motions overlap the certificate tells.
 //!
 //! # The field of `biharmonic`
 //!

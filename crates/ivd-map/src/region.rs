@@ -104,19 +104,18 @@ impl Region {
         };
         let alone: Vec<Widths> = (0..balls.len()).map(alone).collect();
         let far = |i: usize| balls[i].radius + alone[i].margin;
-        // How much of another's widths a ball adopts: all where it lies as far in it as that one's margin is wide.
-        let degree = |i: usize, j: usize| {
-            let apart = (balls[i].centre - balls[j].centre).norm();
-            ((far(i) + far(j) - apart) / alone[j].margin).clamp(0.0, 1.0)
-        };
+        let overlap =
+            |i: usize, j: usize| (far(i) + far(j) - (balls[i].centre - balls[j].centre).norm()).max(0.0);
+        // Of another's margin that part which follows its motion, by how far it reaches in; of its depth as much as it reaches in. Neither grows
+        // by more than a few times what a motion does.
         let adopted = |i: usize| {
             (0..balls.len()).filter(|j| *j != i).fold(alone[i], |own, j| {
-                let degree = degree(i, j);
+                let overlap = overlap(i, j);
                 let margin = match band.margin {
                     Some(given) => given,
-                    None => own.margin.max(WIDTHS * most[j] * degree),
+                    None => own.margin.max(WIDTHS * most[j] * (overlap / alone[j].margin).min(1.0)),
                 };
-                let depth = depth.unwrap_or_else(|| own.depth.max(alone[j].depth * degree));
+                let depth = depth.unwrap_or_else(|| own.depth.max(alone[j].depth.min(overlap)));
                 Widths { margin, depth }
             })
         };
@@ -186,7 +185,11 @@ impl Region {
             beyond[0] += weight * (other.margin - first.margin);
             beyond[1] += weight * (other.depth - first.depth);
         }
-        Widths { margin: first.margin + beyond[0] / sum, depth: first.depth + beyond[1] / sum }
+        let widest = self.widest();
+        Widths {
+            margin: (first.margin + beyond[0] / sum).min(widest.margin),
+            depth: (first.depth + beyond[1] / sum).min(widest.depth),
+        }
     }
 
     /// How far a point lies beyond it (mm); below 0 within.
@@ -381,6 +384,19 @@ mod tests {
             assert!((before..=before + 0.11).contains(&margin), "{margin} after {before}");
             before = margin;
         }
+        // A large ball that stands lends of its depth only as far as it reaches in: as a motion grows beside it nothing jumps.
+        let beside = |length: f64| {
+            let displacement = vec![[length, 0.0, 0.0], [0.0, 0.0, 0.01], [0.0; 3]].into();
+            let ball = |x: f64, radius| Ball { centre: [x, 0.0, 0.0], radius };
+            let motion = Motion::new(grid.clone(), 3, vec![]).unwrap();
+            let motion = motion.with_reach(vec![ball(0.0, 8.0), ball(50.0, 30.0)]).unwrap();
+            let positions = [Vector3::zeros(), Vector3::x() * 50.0, Vector3::x() * 400.0];
+            let frame = Frame { time: 0.0, displacement };
+            Region::of_each(&motion, &frame, &positions, &Band::default(), None).balls[0].depth
+        };
+        let depths: Vec<f64> = (0..600).map(|step| beside(0.01 * f64::from(step))).collect();
+        assert!(depths[0] == 8.0 && depths[599] > 20.0, "{depths:?}");
+        assert!(depths.windows(2).all(|pair| (0.0..0.05).contains(&(pair[1] - pair[0]))), "{depths:?}");
         // From one ball to the other widths change by degrees, and one alone has its own.
         let meet = region(45.0, None);
         let [own, other] = [0, 1].map(|i| meet.balls[i].widths());

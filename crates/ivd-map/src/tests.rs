@@ -142,13 +142,23 @@ pub(super) fn dented(scale: f64, push: f64) -> Scene {
 
 /// A bar with a push of some lengths (mm) at each end.
 pub(super) fn both_ends_pushed(lengths: [f64; 2]) -> Scene {
+    pushed_apart(lengths, 24.0)
+}
+
+/// The same with pushes whose balls come to overlap as they grow.
+pub(super) fn near_pushed(lengths: [f64; 2]) -> Scene {
+    pushed_apart(lengths, 10.0)
+}
+
+/// The same with pushes so far (mm) from the middle.
+fn pushed_apart(lengths: [f64; 2], off: f64) -> Scene {
     let grid = Grid::with_spacing([72, 30, 30], [1.0; 3]).unwrap();
     let centre = middle(&grid);
     let bar = move |p: Vector3<f64>| {
         let (along, across) = ((p - centre).x.abs(), (p - centre).yz().norm());
         (32.0 - along).min(7.0 - across)
     };
-    let ends = [-1.0, 1.0].map(|way| centre + Vector3::new(way * 24.0, 0.0, 7.0));
+    let ends = [-1.0, 1.0].map(|way| centre + Vector3::new(way * off, 0.0, 7.0));
     let pushes = [0, 1].map(|i| pushed(ends[i], 6.0, Vector3::z() * -lengths[i]));
     let moves = move |p: Vector3<f64>| pushes.iter().map(|push| push(p)).sum();
     scene(&grid, bar, moves, &ends.map(|end| (end, 6.0)))

@@ -56,15 +56,14 @@ pub(crate) fn write(
 
 /// What is to say of a motion of one frame where a scene asks for pictures, meshes or volumes of all.
 pub(crate) fn still(scene: &Scene, made: &Artefact) -> Option<String> {
-    let motion = Motion::of(made).filter(|motion| motion.frames().len() == 1)?;
+    Motion::of(made).filter(|motion| motion.frames().len() == 1)?;
     let keys = ["animation", "volume_series", "picture_series"];
     let asked = scene.output.files().into_iter().map(|(key, _)| key).filter(|key| keys.contains(key));
     let asked: Vec<String> = asked.map(|key| format!("output.{key}")).collect();
     let first = asked.first()?;
     let what = if asked.len() == 1 { first.clone() } else { asked.join(" and ") };
-    let time = motion.frames()[0].time;
     Some(format!(
-        "{what}: the motion has one frame, its end after {time} s; deform.frames gives more, by a deform.solver that goes through time (dynamics, projective, xpbd)"
+        "{what}: the motion has one frame, its end; deform.frames gives more, by a deform.solver that goes through time (dynamics, projective, xpbd)"
     ))
 }
 

@@ -9,6 +9,8 @@ pub(crate) const AREA: [f64; 2] = [560.0, 160.0];
 /// Room for the labels of the axes.
 pub(crate) const LEFT: f64 = 46.0;
 const BOTTOM: f64 = 34.0;
+/// Room for the half of the last number that lies beyond the axis.
+const RIGHT: f64 = 26.0;
 
 /// Bars over an axis, with what is drawn over them.
 pub struct Bars<'a> {
@@ -93,7 +95,7 @@ pub fn bars(chart: &Bars<'_>) -> String {
 }
 
 pub(crate) fn open() -> String {
-    format!("<svg viewBox='0 0 {} {}' role='img' class='chart'>", LEFT + AREA[0] + 8.0, AREA[1] + BOTTOM)
+    format!("<svg viewBox='0 0 {} {}' role='img' class='chart'>", LEFT + AREA[0] + RIGHT, AREA[1] + BOTTOM)
 }
 
 /// The axes of a plotted area.

@@ -214,10 +214,6 @@ impl Over<'_> {
             // Between two places of the volume it goes into depth, too.
             Pane::Volume if measures => return,
             _ if measures => format!("{length:.1} mm"),
-            // The disc that it is cut along goes as far to every side of the line's middle as its ends.
-            Pane::Volume if self.tool == Tool::Incise => {
-                format!("{length:.0} mm, {:.0} mm deep", 0.5 * length)
-            }
             _ => format!("{length:.0} mm"),
         };
         self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, colour);

@@ -18,6 +18,6 @@ pub(crate) fn artefact_file(name: &str) -> Result<PathBuf, String> {
     }
     let ending = ivd_pipeline::ending(&path);
     Err(format!(
-        "what is written is an artefact of this program, which nothing reads as .{ending}: name it .ivd, and make the other of that by `ivd export FILE.ivd -o {name}`"
+        "{name}: what is written is an artefact of this program, which nothing reads as .{ending}; name it .ivd, and `ivd export` makes of that what others read"
     ))
 }

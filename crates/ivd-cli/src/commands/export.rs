@@ -52,8 +52,9 @@ pub(super) fn export(
     if frame.is_none() && matches!(*input.artefact, Artefact::Motion(_)) && FIELDS.contains(&&*ending(output))
     {
         let problem = format!(
-            "{}: a displacement field is of one frame: add --frame N, or --frame all for a file of each, and --lattice with the lattice that moves",
-            output.display()
+            "{}: a displacement field is of one frame: add --frame N, or --frame all for a file of each{}",
+            output.display(),
+            if lattice.is_none() { ", and --lattice with the lattice that moves" } else { "" }
         );
         return Err(Failure::usage(problem));
     }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, ValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Arg, ArgAction, Command};
 use ivd_core::Kind;
 use ivd_core::op::{Field, Method, Stage, alternatives, fields, is_vector, kind, map_values, words};
@@ -13,7 +13,6 @@ use serde_json::Value as Json;
 use super::hooks::hooks;
 use super::offer::Offer;
 use super::precursor;
-use crate::args::artefact_file;
 use crate::files::kinds_of;
 use crate::parse::flag;
 
@@ -82,14 +81,13 @@ pub(super) fn with_arguments(mut command: Command, offer: &Offer) -> Command {
         command = command.args(arguments(stage, found));
     }
     let is_picture = stage.methods.iter().any(|method| method.output == Some(Kind::Image));
-    let (form, named, about) = if is_picture {
+    let (form, about) = if is_picture {
         (
             "OUTPUT",
-            clap::value_parser!(PathBuf),
             "Picture by its ending: .png or .apng (animated where there are several), .gif, .exr (its light), or .ivd for an image artefact",
         )
     } else {
-        ("FILE.ivd", ValueParser::from(artefact_file), "Artefact file")
+        ("FILE.ivd", "Artefact file")
     };
     command = command.args((hooks(stage).flags)());
     command.arg(
@@ -97,7 +95,7 @@ pub(super) fn with_arguments(mut command: Command, offer: &Offer) -> Command {
             .short('o')
             .long("output")
             .value_name(form)
-            .value_parser(named)
+            .value_parser(clap::value_parser!(PathBuf))
             .required(true)
             .help(about),
     )

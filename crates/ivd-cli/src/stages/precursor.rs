@@ -7,6 +7,7 @@ use ivd_artefact::Cache;
 use ivd_core::op::{Method, Place, PlaceKind, Stage, Want, fields};
 use ivd_pipeline::{Inputs, Section, StageRecord, StageResult};
 
+use crate::args::artefact_file;
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::write_result;
@@ -47,7 +48,7 @@ impl Precursor {
         Arg::new(self.keeper_name())
             .long(self.keeper_name())
             .value_name(gives.to_uppercase())
-            .value_parser(clap::value_parser!(PathBuf))
+            .value_parser(artefact_file)
             .conflicts_with(gives)
             .help(format!("{}: keep the {variant} (artefact)", self.names().join(", ")))
     }

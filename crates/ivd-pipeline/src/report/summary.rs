@@ -14,7 +14,7 @@ use ivd_report::{Cell, Figure, figures, pairs, shown, table};
 use serde_json::Value as Json;
 
 use super::{asked, plain};
-use crate::scene::{Loaded, Scene};
+use crate::scene::{Loaded, Picture, Scene};
 use crate::series::FRAME;
 use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
@@ -71,7 +71,11 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
     }
     if let Some(found) = figures_of::<BoundaryFigures>(records, ivd_boundary::STAGE.name)? {
         let method = method(scene, &ivd_boundary::STAGE);
-        rows.push(("part", format!("{method}; {}", counted(found.voxels, "voxel", "voxels"))));
+        let filled = match found.filled {
+            0 => String::new(),
+            filled => format!(", {filled} of them in holes that were filled"),
+        };
+        rows.push(("part", format!("{method}; {}{filled}", counted(found.voxels, "voxel", "voxels"))));
     }
     if let Some(found) = figures_of::<LatticeFigures>(records, extract::STAGE.name)? {
         let iso = of_record(records, extract::STAGE.name, "iso");
@@ -384,7 +388,10 @@ fn told(
         let warns = record.stage != ivd_render::STAGE.name;
         let frame = match &*record.variant {
             variant if variant.starts_with(FRAME) => format!(", {variant}"),
-            _ if has_frames(&record.stage) => ", last frame".to_owned(),
+            // The picture before is of the body at rest.
+            variant if variant != Picture::Before.name() && has_frames(&record.stage) => {
+                ", last frame".to_owned()
+            }
             _ => String::new(),
         };
         Some(Told { about: record.stage.clone(), frame, text: record.remark.clone()?, warns })
@@ -429,14 +436,28 @@ fn told(
 
 /// The scene's sections as they were written, but for what is shown above and where files lie.
 fn written(scene: &Scene) -> String {
-    let shown_above = ["handle", "fix"];
-    // Paths may carry a patient's name.
-    let files = ["file", "labels", "grid_of", "start"];
+    // Paths and series may carry a patient's name or number.
+    let known = [
+        "axes",
+        "contrast",
+        "frame",
+        "noise",
+        "phantom",
+        "raw",
+        "resample_slices",
+        "seed",
+        "size",
+        "spacing",
+        "type",
+    ];
+    // Or are shown above.
+    let left_out = ["handle", "fix", "tag", "with"];
     let rows = scene.written.iter().filter(|(name, _)| !["schema", "output"].contains(&name.as_str()));
     let rows = rows.flat_map(|(section, keys)| {
         let keys = keys.as_object().into_iter().flatten();
-        let left_out = if section == "input" { &files[..] } else { &shown_above };
-        keys.filter(|(key, _)| !left_out.contains(&key.as_str()))
+        let is_shown =
+            move |key: &str| if section == "input" { known.contains(&key) } else { !left_out.contains(&key) };
+        keys.filter(move |(key, _)| is_shown(key))
             .map(move |(key, value)| [Cell::Text(format!("{section}.{key}")), Cell::Text(word(value))])
     });
     let rows: Vec<[Cell; 2]> = rows.collect();
@@ -475,5 +496,7 @@ mod tests {
         assert_eq!(frames(&[of("deform", ""), of("map", "")]), ["deform", "map"]);
         let series = [of("deform", ""), of("map", ""), of("map", "frame 0"), of("map", "frame 1")];
         assert_eq!(frames(&series), ["deform", "map, last frame", "map, frame 0", "map, frame 1"]);
+        let drawn = [of("render", "before"), of("render", "after"), of("render", "frame 0")];
+        assert_eq!(frames(&drawn), ["render", "render, last frame", "render, frame 0"]);
     }
 }

@@ -189,7 +189,12 @@ impl Scene {
         }
         match (&self.input.file, self.input.phantom) {
             (Some(_), Some(_)) => return Err("input: give file or phantom, not both".into()),
-            (None, None) => return Err("input: give file = \"…\" or phantom = \"head\"; with --input, too, of which file is the usual one".into()),
+            (None, None) => {
+                return Err(
+                    "input: give file = \"…\" or phantom = \"head\", also where --input gives the file"
+                        .into(),
+                );
+            }
             _ => {}
         }
         if let Some(file) = &self.input.file {
