@@ -176,6 +176,7 @@ fn a_report_tells_of_labels_as_of_a_segmentation() {
         "the file, and who found them"
     );
     assert!(page.contains("<h2>Classes</h2>"), "a table of them");
+    assert!(page.contains("Lines: where the labels' classes end"), "their borders in the slices");
 }
 
 #[test]

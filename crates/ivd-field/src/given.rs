@@ -37,16 +37,20 @@ pub fn displacement(grid: Grid, field: FieldBricks, leads: Leads, exec: &Exec) -
         let proof = certify(field, &grid, THIN, |_| true, exec)?;
         match proof.folded.first() {
             None => Ok(proof),
-            Some(fold) => Err(Error::Untrusted {
-                what,
-                problem: format!(
-                    "it folds in {}, the first at voxel {:?}, where det J falls to {:.3}",
-                    counted(proof.folded.len(), "cell", "cells"),
-                    fold.cell,
-                    fold.lower
-                ),
-                remedy: "give a field that is one-to-one; check its direction and its unit (mm)",
-            }),
+            Some(fold) => {
+                let at: [f64; 3] =
+                    grid.world(VoxelCoord(Vector3::from(fold.cell.map(|c| c as f64)))).0.into();
+                Err(Error::Untrusted {
+                    what,
+                    problem: format!(
+                        "it folds in {}, the first at voxel {:?} of the grid that it lies on, at {at:.1?} mm, where det J falls to {:.3}",
+                        counted(proof.folded.len(), "cell", "cells"),
+                        fold.cell,
+                        fold.lower
+                    ),
+                    remedy: "give a field that is one-to-one; check its direction and its unit (mm)",
+                })
+            }
         }
     };
     let given = proven(&field, "the field")?;

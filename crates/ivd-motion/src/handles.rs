@@ -141,7 +141,7 @@ pub(crate) fn resolve(
     Err(Error::Mismatch {
         what,
         problem,
-        remedy: "pick a point nearer to the lattice; `ivd info` tells where that is",
+        remedy: "pick a place on the lattice, such as that one; `ivd render --picks` tells the place of a pixel",
     })
 }
 

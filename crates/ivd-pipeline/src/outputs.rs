@@ -9,7 +9,7 @@ use ivd_artefact::{Artefact, ContentHash};
 use ivd_core::{Exec, Image, Labels, Lattice, Motion, Value as _};
 use ivd_field::class_volume::by_class;
 use ivd_io::Space;
-use ivd_report::{MovedSlices, ResultSlices};
+use ivd_report::{MovedSlices, Outlines, ResultSlices};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -252,7 +252,15 @@ impl<'a> Writer<'a> {
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
                 if let Some(Artefact::Volume(volume)) = self.data.volume.as_deref() {
                     self.exec.run(|| whole(volume))?;
-                    self.data.moved = MovedSlices::of(volume, displacement)?;
+                    // Labels that another program drew are what a person knows the scan by.
+                    let drawn =
+                        beside(node, earlier).map(|(labels, _): (&Labels, _)| labels).filter(|labels| {
+                            self.scene.input.labels.is_some() && labels.grid().dims() == volume.grid().dims()
+                        });
+                    let colour = drawn.map(|labels| report::colour_of(labels, self.data.transfer.as_ref()));
+                    let outlines =
+                        drawn.zip(colour.as_ref()).map(|(labels, colour)| Outlines { labels, colour });
+                    self.data.moved = MovedSlices::of(volume, displacement, outlines)?;
                 }
                 self.data.specks_moved =
                     beside(node, earlier).map(|(lattice, _)| report::specks_moved(lattice, displacement));

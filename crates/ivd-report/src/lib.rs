@@ -28,7 +28,7 @@ pub use chart::{Bars, Line, bars, histogram};
 pub use curve::{Curve, curve};
 pub use page::{Page, Pictures, body_or_problem};
 pub use planes::{Plane, planes};
-pub use slices::{MovedSlices, ResultSlices, class_slices, slices};
+pub use slices::{MovedSlices, Outlines, ResultSlices, class_slices, slices};
 pub use tables::{Cell, Figure, MOST_ROWS, figures, pairs, shortened_table, shown, table};
 pub use tree::{Dendrogram, Leaf, dendrogram};
 pub use values::{ClassDensity, value_histogram};

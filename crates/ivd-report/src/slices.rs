@@ -51,6 +51,48 @@ pub fn slices<E: From<Error>>(
     Ok(html + "</div>")
 }
 
+/// Labels whose borders are drawn over slices.
+#[derive(Clone, Copy)]
+pub struct Outlines<'a> {
+    /// On the volume's grid, at rest.
+    pub labels: &'a Labels,
+    /// Colour of a class by its place in their list.
+    pub colour: &'a dyn Fn(usize) -> [u8; 3],
+}
+
+impl Outlines<'_> {
+    /// The colour of a voxel where its class ends within a plane; `class` tells that of a voxel.
+    fn line(&self, plane: &Plane, voxel: [usize; 3], class: impl Fn([usize; 3]) -> u16) -> Option<[u8; 4]> {
+        let (own, dims) = (class(voxel), self.labels.grid().dims());
+        let rank = self.labels.classes().iter().position(|known| known.id == own && own != NO_DATA)?;
+        let ends = (0..3).filter(|axis| *axis != plane.cut()).any(|axis| {
+            let differs = |to: usize| {
+                let mut next = voxel;
+                next[axis] = to;
+                class(next) != own
+            };
+            let at = voxel[axis];
+            (at > 0 && differs(at - 1)) || (at + 1 < dims[axis] && differs(at + 1))
+        });
+        ends.then(|| {
+            let [r, g, b] = (self.colour)(rank);
+            [r, g, b, 255]
+        })
+    }
+
+    /// The class of a voxel at rest.
+    fn at_rest(&self, voxel: [usize; 3]) -> u16 {
+        self.labels.ids()[self.labels.grid().linear(VoxelIndex(voxel))]
+    }
+
+    /// The class that lies at a voxel after the motion: of the voxel nearest to where it comes from.
+    fn moved(&self, motion: &Displacement, voxel: [usize; 3]) -> u16 {
+        let grid = self.labels.grid();
+        let Some(from) = origin(grid, motion, voxel) else { return NO_DATA };
+        self.at_rest(std::array::from_fn(|a| (from[a].round().max(0.0) as usize).min(grid.dims()[a] - 1)))
+    }
+}
+
 /// Slices through the voxel that moves furthest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedSlices {
@@ -60,31 +102,43 @@ pub struct MovedSlices {
     pub largest: f64,
     /// In each of the three planes: at rest, deformed, and how far every voxel at rest moves.
     images: Vec<[Image; 3]>,
+    is_outlined: bool,
 }
 
 impl MovedSlices {
-    /// Of a volume and its motion; `None` where nothing moves.
+    /// Of a volume and its motion, with the borders of labels at rest and as they go along; `None` where nothing moves.
     ///
     /// # Errors
     /// Those of a picture's constructor.
-    pub fn of(volume: &Volume, motion: &Displacement) -> Result<Option<Self>, Error> {
+    pub fn of(
+        volume: &Volume,
+        motion: &Displacement,
+        outlines: Option<Outlines<'_>>,
+    ) -> Result<Option<Self>, Error> {
         let Some((at, largest)) = furthest(motion) else { return Ok(None) };
         let dims = volume.grid().dims();
         let all = planes(volume.grid());
         let images = all.iter().map(|plane| {
             let cut = at[plane.cut()];
             let window = window(&values(volume, plane, cut));
-            let after = plane.slice(dims, cut, |voxel| shade(deformed(volume, motion, voxel), window))?;
+            let rest = plane.slice(dims, cut, |voxel| {
+                let line = outlines.and_then(|all| all.line(plane, voxel, |voxel| all.at_rest(voxel)));
+                line.unwrap_or_else(|| shade(volume.value(VoxelIndex(voxel)), window))
+            })?;
+            let after = plane.slice(dims, cut, |voxel| {
+                let line = outlines.and_then(|all| all.line(plane, voxel, |voxel| all.moved(motion, voxel)));
+                line.unwrap_or_else(|| shade(deformed(volume, motion, voxel), window))
+            })?;
             let how_far = plane.slice(dims, cut, |voxel| {
                 let far = length(motion.forward().at(VoxelIndex(voxel)));
                 let [r, g, b] =
                     if far > 0.0 { motion_colour(far / largest) } else { unmoved(volume, voxel, window) };
                 [r, g, b, 255]
             })?;
-            Ok([grey(volume, plane, cut, window)?, after, how_far])
+            Ok([rest, after, how_far])
         });
         let images = images.collect::<Result<_, Error>>()?;
-        Ok(Some(Self { at, largest, images }))
+        Ok(Some(Self { at, largest, images, is_outlined: outlines.is_some() }))
     }
 
     /// The slices as HTML; `png` makes a PNG file of a picture, `lettered` tells whether left and right are known.
@@ -106,6 +160,9 @@ impl MovedSlices {
             stops.join(","),
             number(self.largest)
         );
+        if self.is_outlined {
+            html += "<p class='scale'>Lines: where the labels' classes end, at rest and gone along.</p>";
+        }
         Ok(html)
     }
 }
@@ -188,18 +245,27 @@ fn length(vector: [f32; 3]) -> f64 {
     Vector3::from(vector.map(f64::from)).norm()
 }
 
+/// Where what lies at a voxel after the motion comes from (voxels); `None` where nothing does.
+fn origin(grid: &Grid, motion: &Displacement, voxel: [usize; 3]) -> Option<Vector3<f64>> {
+    if motion.vacated().get(grid.linear(VoxelIndex(voxel))).is_some_and(|left| *left != 0) {
+        return None;
+    }
+    let back = motion.inverse().at(VoxelIndex(voxel));
+    let still = Vector3::from(voxel.map(|v| v as f64));
+    Some(if back == [0.0; 3] {
+        still
+    } else {
+        still + grid.inverse_linear_part() * Vector3::from(back.map(f64::from))
+    })
+}
+
 /// What lies at a voxel after the motion, linear between voxels; NaN where nothing does.
 fn deformed(volume: &Volume, motion: &Displacement, voxel: [usize; 3]) -> f64 {
     let grid = volume.grid();
-    if motion.vacated().get(grid.linear(VoxelIndex(voxel))).is_some_and(|left| *left != 0) {
-        return f64::NAN;
-    }
-    let back = motion.inverse().at(VoxelIndex(voxel));
-    if back == [0.0; 3] {
+    let Some(from) = origin(grid, motion, voxel) else { return f64::NAN };
+    if motion.inverse().at(VoxelIndex(voxel)) == [0.0; 3] {
         return volume.value(VoxelIndex(voxel));
     }
-    let from = Vector3::from(voxel.map(|v| v as f64))
-        + grid.inverse_linear_part() * Vector3::from(back.map(f64::from));
     let dims = grid.dims();
     let base: [usize; 3] =
         std::array::from_fn(|a| (from[a].max(0.0) as usize).min(dims[a].saturating_sub(2)));
@@ -356,13 +422,31 @@ mod tests {
         let down = vec![[0.0, 0.0, -2.0_f32]; 512];
         let field = |vectors: Vec<[f32; 3]>| FieldBricks::of_bricks([16; 3], &[7], vectors.into()).unwrap();
         let motion = Displacement::new(grid.clone(), field(up), field(down)).unwrap();
-        let moved = MovedSlices::of(&volume, &motion).unwrap().unwrap();
+        let moved = MovedSlices::of(&volume, &motion, None).unwrap().unwrap();
         assert_eq!((moved.at, moved.largest), ([11, 12, 13], 4.0));
         // Deformed, what was at z − 1 lies at z; elsewhere nothing changes.
         assert_eq!(deformed(&volume, &motion, [9, 9, 10]), 9.0);
         assert_eq!(deformed(&volume, &motion, [2, 9, 10]), 10.0);
         let html = moved.html(&grid, true, |_| Ok::<_, Error>(Vec::new())).unwrap();
         assert!(html.matches("<img").count() == 9 && html.contains("4 mm"), "{html}");
-        assert!(MovedSlices::of(&volume, &Displacement::identity(grid)).unwrap().is_none());
+        assert!(!html.contains("Lines:"));
+        // Labels of three layers go along by one; their borders are lines within their own voxels.
+        let class = Class { id: 1, name: None, mean: 1.0, sd: 0.0, voxels: 768, lower: None, upper: None };
+        let ids: Vec<u16> = (0..grid.len()).map(|i| u16::from((9..12).contains(&(i / 256)))).collect();
+        let labels = Labels::new(grid.clone(), ids.into(), vec![class]).unwrap();
+        let outlines = Outlines { labels: &labels, colour: &rgb };
+        let [axial, coronal, _] = planes(&grid);
+        let rest = |plane: &Plane, z: usize| outlines.line(plane, [9, 9, z], |at| outlines.at_rest(at));
+        let after = |z: usize| outlines.line(&coronal, [9, 9, z], |at| outlines.moved(&motion, at));
+        let drawn = |line: &dyn Fn(usize) -> Option<[u8; 4]>| -> Vec<usize> {
+            (0..16).filter(|z| line(*z).is_some()).collect()
+        };
+        assert_eq!(drawn(&|z| rest(&coronal, z)), [9, 11]);
+        assert_eq!(drawn(&|z| rest(&axial, z)), [0_usize; 0], "within a layer none ends");
+        assert_eq!((drawn(&after), after(10)), (vec![10, 12], Some([200, 0, 0, 255])));
+        let moved = MovedSlices::of(&volume, &motion, Some(outlines)).unwrap().unwrap();
+        let html = moved.html(&grid, true, |_| Ok::<_, Error>(Vec::new())).unwrap();
+        assert!(html.contains("Lines: where the labels' classes end"), "{html}");
+        assert!(MovedSlices::of(&volume, &Displacement::identity(grid), None).unwrap().is_none());
     }
 }

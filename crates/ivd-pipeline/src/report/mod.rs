@@ -53,6 +53,13 @@ pub(crate) fn class_slices(
     labels: &Labels,
     transfer: Option<&TransferFunction>,
 ) -> Result<Vec<Image>, Error> {
-    let colour = |rank: usize| class_rgb(rank, labels.classes()[rank].id, transfer);
-    Ok(ivd_report::class_slices(labels, colour)?)
+    Ok(ivd_report::class_slices(labels, colour_of(labels, transfer))?)
+}
+
+/// The colour of a class by its place in the list of labels, as in pictures by a transfer function.
+pub(crate) fn colour_of<'a>(
+    labels: &'a Labels,
+    transfer: Option<&'a TransferFunction>,
+) -> impl Fn(usize) -> [u8; 3] + 'a {
+    move |rank| class_rgb(rank, labels.classes()[rank].id, transfer)
 }
