@@ -405,7 +405,7 @@ fn bad_events_are_named() {
     assert!(refused(Event::Level(40)).contains("level"));
     assert!(refused(Event::Material { class: 1, material: Material::default() }).contains("springs first"));
     let far = Handle { at: Anchor::NearestTo([500.0; 3]), action: Action::Move([1.0; 3]), radius: 5.0 };
-    assert!(refused(Event::Add { id: None, handle: far }).contains("pick a point nearer"));
+    assert!(refused(Event::Add { id: None, handle: far }).contains("pick a place on the lattice"));
     let world: World = ball().1.world(0);
     let deep =
         Handle { at: Anchor::NearestTo(world.0.into()), action: Action::Move([0.0, 0.0, 60.0]), radius: 5.0 };
