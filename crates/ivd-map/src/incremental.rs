@@ -97,7 +97,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
 mod tests {
     use super::*;
     use crate::DepthWeight;
-    use crate::tests::{both_ends_pushed, mapped_apart, near_pushed};
+    use crate::tests::{Scene, both_ends_pushed, mapped_apart, near_pushed};
 
     #[test]
     fn what_one_handle_moves_another_far_from_it_does_not_change_by_a_bit() {
@@ -108,33 +108,31 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_drag_of_several_handles_gives_what_each_motion_gives_alone() {
+    /// Each motion of a drag is mapped as it is alone; `scene` by the lengths of two pushes.
+    fn assert_as_alone(scene: impl Fn([f64; 2]) -> Scene, drag: &[[f64; 2]]) {
         let exec = Exec::default();
         let params = OctreeParams::default();
-        let still = both_ends_pushed([0.0; 2]);
+        let still = scene([0.0; 2]);
         let tree = ivd_octree::build(&still.lattice, &ivd_octree::Params::default(), &exec).unwrap();
         let mut dragged = IncrementalMap::new(&still.lattice, tree, &exec).unwrap();
         dragged.map(&still.motion, 0, &params, &exec).unwrap();
-        for lengths in [[0.7, 0.0], [0.7, 0.4], [0.7, 2.5], [0.9, 2.5], [0.7, -1.0], [2.0, 0.4]] {
-            let scene = both_ends_pushed(lengths);
-            let moved = dragged.map(&scene.motion, 0, &params, &exec).unwrap();
-            assert!(moved.displacement == scene.map(&params, &exec).unwrap().displacement, "{lengths:?}");
+        for lengths in drag {
+            let alone = scene(*lengths);
+            let moved = dragged.map(&alone.motion, 0, &params, &exec).unwrap();
+            assert!(moved.displacement == alone.map(&params, &exec).unwrap().displacement, "{lengths:?}");
         }
     }
 
     #[test]
-    fn a_drag_into_another_handles_reach_and_out_of_it_gives_what_each_motion_gives_alone() {
-        let exec = Exec::default();
-        let params = OctreeParams::default();
-        let still = near_pushed([0.0; 2]);
-        let tree = ivd_octree::build(&still.lattice, &ivd_octree::Params::default(), &exec).unwrap();
-        let mut dragged = IncrementalMap::new(&still.lattice, tree, &exec).unwrap();
-        dragged.map(&still.motion, 0, &params, &exec).unwrap();
-        for lengths in [[0.4, 0.0], [0.4, 0.6], [0.4, 1.0], [0.4, 1.4], [0.9, 1.4], [0.9, -0.5], [0.4, 0.6]] {
-            let scene = near_pushed(lengths);
-            let moved = dragged.map(&scene.motion, 0, &params, &exec).unwrap();
-            assert!(moved.displacement == scene.map(&params, &exec).unwrap().displacement, "{lengths:?}");
-        }
+    fn a_drag_of_several_handles_gives_what_each_motion_gives_alone() {
+        assert_as_alone(
+            both_ends_pushed,
+            &[[0.7, 0.0], [0.7, 0.4], [0.7, 2.5], [0.9, 2.5], [0.7, -1.0], [2.0, 0.4]],
+        );
+        // Into the other's reach, and out of it.
+        assert_as_alone(
+            near_pushed,
+            &[[0.4, 0.0], [0.4, 0.6], [0.4, 1.0], [0.4, 1.4], [0.9, 1.4], [0.9, -0.5], [0.4, 0.6]],
+        );
     }
 }

@@ -21,29 +21,22 @@ struct Reach {
     centre: Vector3<f64>,
     /// (mm).
     radius: f64,
-    /// Width of the fall-off beyond it (mm).
-    margin: f64,
-    /// Depth at which the depth weight ends (mm).
-    depth: f64,
+    widths: Widths,
 }
 
-/// How far a motion falls off at a place: outside the lattice and inside it.
+/// How far a motion falls off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Widths {
-    /// (mm).
+    /// Width of the fall-off beyond a ball, and outside the lattice (mm).
     pub(super) margin: f64,
-    /// (mm).
+    /// Depth inside the lattice at which the depth weight ends (mm).
     pub(super) depth: f64,
 }
 
 impl Reach {
     /// Radius with the margin (mm).
     fn far(&self) -> f64 {
-        self.radius + self.margin
-    }
-
-    fn widths(&self) -> Widths {
-        Widths { margin: self.margin, depth: self.depth }
+        self.radius + self.widths.margin
     }
 
     /// 1 in the ball, 0 beyond the margin; nothing of what lies beyond.
@@ -56,7 +49,7 @@ impl Reach {
         if self.radius > 0.0 && squared < self.radius * self.radius * (1.0 - 1e-12) {
             return Some(1.0);
         }
-        Some(smooth_fall((squared.sqrt() - self.radius) / self.margin))
+        Some(smooth_fall((squared.sqrt() - self.radius) / self.widths.margin))
     }
 }
 
@@ -75,7 +68,8 @@ impl Region {
         let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
         let margin = band.margin.unwrap_or_else(|| (WIDTHS * most).max(least_margin(motion.grid())));
         let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid().voxel_diagonal()));
-        let reach = |(centre, radius)| Reach { centre, radius, margin, depth };
+        let widths = Widths { margin, depth };
+        let reach = |(centre, radius)| Reach { centre, radius, widths };
         Self { balls: balls.into_iter().map(reach).collect() }
     }
 
@@ -120,8 +114,8 @@ impl Region {
             })
         };
         let all: Vec<Widths> = (0..balls.len()).map(adopted).collect();
-        for (ball, Widths { margin, depth }) in region.balls.iter_mut().zip(all) {
-            (ball.margin, ball.depth) = (margin, depth);
+        for (ball, widths) in region.balls.iter_mut().zip(all) {
+            ball.widths = widths;
         }
         region
     }
@@ -156,18 +150,18 @@ impl Region {
 
     /// The widest margin (mm).
     pub(super) fn margin(&self) -> f64 {
-        self.balls.iter().map(|ball| ball.margin).fold(0.0, f64::max)
+        self.balls.iter().map(|ball| ball.widths.margin).fold(0.0, f64::max)
     }
 
     /// The widths of all balls, where they are alike.
     pub(super) fn alike(&self) -> Option<Widths> {
-        let first = self.balls.first()?.widths();
-        self.balls.iter().all(|ball| ball.widths() == first).then_some(first)
+        let first = self.balls.first()?.widths;
+        self.balls.iter().all(|ball| ball.widths == first).then_some(first)
     }
 
     /// The widest of them.
     pub(super) fn widest(&self) -> Widths {
-        let depth = self.balls.iter().map(|ball| ball.depth).fold(0.0, f64::max);
+        let depth = self.balls.iter().map(|ball| ball.widths.depth).fold(0.0, f64::max);
         Widths { margin: self.margin(), depth }
     }
 
@@ -176,7 +170,7 @@ impl Region {
         let mut reached = self
             .balls
             .iter()
-            .filter_map(|ball| Some((ball.widths(), ball.weight(point).filter(|w| *w > 0.0)?)));
+            .filter_map(|ball| Some((ball.widths, ball.weight(point).filter(|w| *w > 0.0)?)));
         let Some((first, weight)) = reached.next() else { return self.widest() };
         // Differences from the first: a ball that reaches a point alone has its own widths to the bit.
         let (mut sum, mut beyond) = (weight, [0.0; 2]);
@@ -209,7 +203,10 @@ impl Region {
         if band.margin.is_some() {
             return self.clone();
         }
-        let wider = |ball: &Reach| Reach { margin: ball.margin.max(0.5 * ball.radius), ..*ball };
+        let wider = |ball: &Reach| {
+            let margin = ball.widths.margin.max(0.5 * ball.radius);
+            Reach { widths: Widths { margin, ..ball.widths }, ..*ball }
+        };
         Self { balls: self.balls.iter().map(wider).collect() }
     }
 
@@ -221,8 +218,9 @@ impl Region {
         let mut shared = self.clone();
         if band.margin.is_none() {
             for ball in &mut shared.balls {
-                let steps = (2.0 * (ball.margin / least).log2()).ceil().max(0.0);
-                ball.margin = ball.margin.max(least * (0.5 * steps).exp2());
+                let margin = &mut ball.widths.margin;
+                let steps = (2.0 * (*margin / least).log2()).ceil().max(0.0);
+                *margin = margin.max(least * (0.5 * steps).exp2());
             }
         }
         shared
@@ -343,7 +341,9 @@ mod tests {
     fn looking_ahead_widens_each_ball_by_its_own_size() {
         let grid = sheared_grid([40, 33, 20]);
         let balls = [(Vector3::repeat(5.0), 2.0), (Vector3::repeat(30.0), 40.0)];
-        let balls = balls.map(|(centre, radius)| Reach { centre, radius, margin: 3.0, depth: 40.0 }).to_vec();
+        let balls = balls
+            .map(|(centre, radius)| Reach { centre, radius, widths: Widths { margin: 3.0, depth: 40.0 } })
+            .to_vec();
         let region = Region { balls };
         let ahead = region.ahead(&Band::default());
         assert_eq!(ahead.balls().map(|b| b.1).collect::<Vec<_>>(), [5.0, 60.0]);
@@ -371,8 +371,8 @@ mod tests {
             let frame = Frame { time: 0.0, displacement };
             Region::of_each(&motion, &frame, &positions, &Band { margin: given, ..Band::default() }, None)
         };
-        let margins = |apart| region(apart, None).balls.iter().map(|b| b.margin).collect::<Vec<_>>();
-        let depths = |apart| region(apart, None).balls.iter().map(|b| b.depth).collect::<Vec<_>>();
+        let margins = |apart| region(apart, None).balls.iter().map(|b| b.widths.margin).collect::<Vec<_>>();
+        let depths = |apart| region(apart, None).balls.iter().map(|b| b.widths.depth).collect::<Vec<_>>();
         assert_eq!((depths(56.0), depths(12.0)), (vec![8.0, 32.0], vec![32.0, 32.0]));
         assert_eq!(margins(56.0), [8.0, 32.0], "four times the own motion");
         assert_eq!(region(56.0, None).parts().len(), 2);
@@ -392,14 +392,14 @@ mod tests {
             let motion = motion.with_reach(vec![ball(0.0, 8.0), ball(50.0, 30.0)]).unwrap();
             let positions = [Vector3::zeros(), Vector3::x() * 50.0, Vector3::x() * 400.0];
             let frame = Frame { time: 0.0, displacement };
-            Region::of_each(&motion, &frame, &positions, &Band::default(), None).balls[0].depth
+            Region::of_each(&motion, &frame, &positions, &Band::default(), None).balls[0].widths.depth
         };
         let depths: Vec<f64> = (0..600).map(|step| beside(0.01 * f64::from(step))).collect();
         assert!(depths[0] == 8.0 && depths[599] > 20.0, "{depths:?}");
         assert!(depths.windows(2).all(|pair| (0.0..0.05).contains(&(pair[1] - pair[0]))), "{depths:?}");
         // From one ball to the other widths change by degrees, and one alone has its own.
         let meet = region(45.0, None);
-        let [own, other] = [0, 1].map(|i| meet.balls[i].widths());
+        let [own, other] = [0, 1].map(|i| meet.balls[i].widths);
         let at = |x: f64| meet.widths(Vector3::x() * x);
         assert_eq!((at(-5.0), at(2.0), at(60.0)), (own, own, other));
         assert!(own.margin < other.margin && own.depth < other.depth && meet.alike().is_none());
@@ -412,9 +412,13 @@ mod tests {
             assert!((own.margin..=other.margin).contains(&here.margin), "{here:?}");
         }
         let given = region(56.0, Some(3.0));
-        assert!(given.balls.iter().all(|ball| ball.margin == 3.0) && given.parts().len() == 2);
+        assert!(given.balls.iter().all(|ball| ball.widths.margin == 3.0) && given.parts().len() == 2);
         // Chains are one part, wherever they begin.
-        let reach = |x: f64| Reach { centre: Vector3::x() * x, radius: 1.0, margin: 1.5, depth: 0.0 };
+        let reach = |x: f64| Reach {
+            centre: Vector3::x() * x,
+            radius: 1.0,
+            widths: Widths { margin: 1.5, depth: 0.0 },
+        };
         let parts = Region { balls: [0.0, 8.0, 20.0, 4.0, 26.0].map(reach).to_vec() }.parts();
         let starts: Vec<Vec<f64>> =
             parts.iter().map(|part| part.balls.iter().map(|b| b.centre.x).collect()).collect();
