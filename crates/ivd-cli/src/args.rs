@@ -15,7 +15,7 @@ use ivd_pipeline::scene::{Override, triple};
 use crate::parse;
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
-pub(crate) use output::{Output, artefact_file};
+pub(crate) use output::{Output, artefact_file, check_artefact_name};
 pub(crate) use serve::ServeArgs;
 pub(crate) use view::ViewArgs;
 

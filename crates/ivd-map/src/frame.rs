@@ -1,6 +1,6 @@
 //! The frame of a motion that is mapped, and the bricks that it may move.
 
-use ivd_core::{Error, Exec, Frame, Grid, Lattice, Motion};
+use ivd_core::{Error, Exec, FieldBricks, Frame, Grid, Lattice, Motion};
 use ivd_field::vectors::FARTHEST;
 
 use crate::region::{Region, largest};
@@ -19,6 +19,12 @@ pub(super) fn moving_bricks(
     };
     exec.check_memory("the displacement", 2 * 12 * 512 * bricks.len() as u64)?;
     Ok(bricks)
+}
+
+/// The field of no motion, in these bricks.
+pub(super) fn still(grid: &Grid, bricks: &[usize]) -> Result<FieldBricks, Error> {
+    let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
+    FieldBricks::of_bricks(grid.dims(), bricks, zeros.into())
 }
 
 /// Refuses what a field's vectors can't hold.

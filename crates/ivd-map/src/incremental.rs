@@ -7,10 +7,10 @@ use ivd_core::{Exec, Lattice, Mask, Motion, Octree};
 use nalgebra::Vector3;
 
 use super::frame::frame_of;
-use super::nearest::{carried, look_ahead, settle_of};
+use super::nearest::{carried, look_ahead, region_of, settle_of};
 use super::nearest_weight::{Kept, Part};
 use super::octree::{Sides, State, states};
-use super::region::{Region, largest};
+use super::region::largest;
 use super::{MapUpdate, OctreeParams};
 use crate::Error;
 
@@ -78,7 +78,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> IncrementalMap<L> {
             let Searched { sides, kept, .. } = self.searched.as_mut().expect("made above");
             let (lattice, positions) = (&*self.lattice, &self.positions);
             let part = Part { lattice, positions, inside: &self.inside, nearest: sides };
-            let region = Region::of_each(motion, frame, positions, &params.band, params.depth);
+            let region = region_of(motion, frame, positions, params);
             if largest(frame) == 0.0 && exec.skip && !kept.sought() {
                 look_ahead(&part, &region.ahead(&params.band), params, kept, exec)?;
             }

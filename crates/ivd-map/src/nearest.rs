@@ -2,6 +2,7 @@
 
 use ivd_core::op::Op as _;
 use ivd_core::{Error as CoreError, Exec, FieldBricks, Frame, Lattice, Mask, Motion};
+use nalgebra::Vector3;
 
 use crate::Error;
 use crate::frame::{check_size, frame_of, moving_bricks};
@@ -34,10 +35,21 @@ pub fn nearest<N: Nearest>(
     exec.run(|| {
         let positions = lattice.local_positions();
         let part = Part { lattice, positions: &positions, inside, nearest };
-        let region = Region::of_each(motion, frame, &positions, &params.band, params.depth);
+        let region = region_of(motion, frame, &positions, params);
         let field = carried(&part, frame, &region, params, None, exec)?;
         settle_of(&part, motion, frame, &region, &params.band).settle(field, exec)
     })
+}
+
+/// Ω of a frame, with the widths of each handle.
+pub(super) fn region_of(
+    motion: &Motion,
+    frame: &Frame,
+    positions: &[Vector3<f64>],
+    OctreeParams { band, depth, .. }: &OctreeParams,
+) -> Region {
+    let region = Region::new(motion, frame, positions, band, *depth);
+    region.of_each(motion.grid(), frame, positions, band, *depth)
 }
 
 /// The field of one frame before any repair, with the nearest points that `part` finds or that are kept.

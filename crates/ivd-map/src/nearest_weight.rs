@@ -201,8 +201,9 @@ struct Carrier<'a, N> {
     displacement: &'a [[f64; 3]],
     region: &'a Region,
     params: &'a OctreeParams,
-    /// Where they are the same everywhere.
+    /// Where they are the same everywhere; and the widest.
     alike: Option<Widths>,
+    widest: Widths,
     layer: f64,
 }
 
@@ -214,7 +215,7 @@ impl<'a, N: Nearest> Carrier<'a, N> {
         params: &'a OctreeParams,
     ) -> Self {
         let layer = LAYER * part.lattice.grid().voxel_diagonal();
-        Self { part, displacement, region, params, alike: region.alike(), layer }
+        Self { part, displacement, region, params, alike: region.alike(), widest: region.widest(), layer }
     }
 
     /// Fills a brick, which is 0.
@@ -231,7 +232,7 @@ impl<'a, N: Nearest> Carrier<'a, N> {
             let voxel = VoxelIndex([first[0] + slot % 8, first[1] + slot / 8 % 8, first[2] + slot / 64]);
             let inside = self.part.inside.inside()[grid.linear(voxel)] != 0;
             let point = || linear * VoxelCoord::from(voxel).0;
-            let widths = self.alike.unwrap_or_else(|| self.region.widths(point()));
+            let widths = self.alike.unwrap_or_else(|| self.region.widths(point(), self.widest));
             let near = self.weight(inside, widths, seen.distance);
             if near > 0.0 {
                 let weight = self.region.weight(point()) * near;
@@ -245,7 +246,7 @@ impl<'a, N: Nearest> Carrier<'a, N> {
     /// Searches for the voxels of a brick that aren't known as far as they need to be, `ahead` times as far as that.
     fn search_brick(&self, brick: usize, ahead: f64, found: &mut KeptBrick) {
         let limits = |widths: Widths| [false, true].map(|inside| self.limit(inside, widths));
-        let [outside, inside] = limits(self.region.widest());
+        let [outside, inside] = limits(self.widest);
         let most = outside.max(inside);
         let alike = self.alike.map(limits);
         if f64::from(found.least) >= most {
@@ -260,7 +261,7 @@ impl<'a, N: Nearest> Carrier<'a, N> {
                 continue;
             }
             let point = linear * VoxelCoord::from(voxel).0;
-            let limits = alike.unwrap_or_else(|| limits(self.region.widths(point)));
+            let limits = alike.unwrap_or_else(|| limits(self.region.widths(point, self.widest)));
             let limit = limits[usize::from(self.part.inside.inside()[grid.linear(voxel)] != 0)];
             if found.knows(slot, limit) {
                 continue;

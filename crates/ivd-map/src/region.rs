@@ -33,6 +33,16 @@ pub(super) struct Widths {
     pub(super) depth: f64,
 }
 
+impl Widths {
+    /// For a motion of `most` (mm) within a radius (mm): widths that are given stay as they are.
+    fn following(most: f64, radius: f64, band: &Band, depth: Option<f64>, grid: &Grid) -> Self {
+        Self {
+            margin: band.margin.unwrap_or_else(|| (WIDTHS * most).max(least_margin(grid))),
+            depth: depth.unwrap_or_else(|| radius.max(WIDTHS * most).max(grid.voxel_diagonal())),
+        }
+    }
+}
+
 impl Reach {
     /// Radius with the margin (mm).
     fn far(&self) -> f64 {
@@ -64,38 +74,28 @@ impl Region {
         depth: Option<f64>,
     ) -> Self {
         let balls = balls_of(motion, frame, positions);
-        let most = largest(frame);
         let reach = balls.iter().map(|b| b.1).fold(0.0, f64::max);
-        let margin = band.margin.unwrap_or_else(|| (WIDTHS * most).max(least_margin(motion.grid())));
-        let depth = depth.unwrap_or_else(|| reach.max(4.0 * most).max(motion.grid().voxel_diagonal()));
-        let widths = Widths { margin, depth };
+        let widths = Widths::following(largest(frame), reach, band, depth, motion.grid());
         let reach = |(centre, radius)| Reach { centre, radius, widths };
         Self { balls: balls.into_iter().map(reach).collect() }
     }
 
-    /// The same with margins and depths that follow the motion of each ball's own vertices: what a handle moves doesn't depend on how far others, far
-    /// from it, are moved. Where balls come to overlap, each adopts the other's by degrees.
+    /// The same with margins and depths that follow the motion of each ball's own vertices, but for those that are given: what a handle moves doesn't depend on
+    /// how far others, far from it, are moved. Where balls come to overlap, each adopts the other's by degrees.
     pub(super) fn of_each(
-        motion: &Motion,
+        mut self,
+        grid: &Grid,
         frame: &Frame,
         positions: &[Vector3<f64>],
         band: &Band,
         depth: Option<f64>,
     ) -> Self {
-        let mut region = Self::new(motion, frame, positions, band, depth);
-        if (band.margin.is_some() && depth.is_some()) || region.balls.len() < 2 {
-            return region;
+        if (band.margin.is_some() && depth.is_some()) || self.balls.len() < 2 {
+            return self;
         }
-        let balls = &region.balls;
+        let balls = &self.balls;
         let most = largest_of_each(balls, frame, positions);
-        let (least, voxel) = (least_margin(motion.grid()), motion.grid().voxel_diagonal());
-        let alone = |i: usize| {
-            let reach = balls[i].radius.max(4.0 * most[i]).max(voxel);
-            Widths {
-                margin: band.margin.unwrap_or_else(|| (WIDTHS * most[i]).max(least)),
-                depth: depth.unwrap_or(reach),
-            }
-        };
+        let alone = |i: usize| Widths::following(most[i], balls[i].radius, band, depth, grid);
         let alone: Vec<Widths> = (0..balls.len()).map(alone).collect();
         let far = |i: usize| balls[i].radius + alone[i].margin;
         let overlap =
@@ -114,10 +114,10 @@ impl Region {
             })
         };
         let all: Vec<Widths> = (0..balls.len()).map(adopted).collect();
-        for (ball, widths) in region.balls.iter_mut().zip(all) {
+        for (ball, widths) in self.balls.iter_mut().zip(all) {
             ball.widths = widths;
         }
-        region
+        self
     }
 
     /// The parts of it that don't touch, each with its balls in their order.
@@ -165,13 +165,13 @@ impl Region {
         Widths { margin: self.margin(), depth }
     }
 
-    /// The widths at a point: of the ball that reaches it, and between those of several by how much each counts there.
-    pub(super) fn widths(&self, point: Vector3<f64>) -> Widths {
+    /// The widths at a point: of the ball that reaches it, and between those of several by how much each counts there. `widest`: of all.
+    pub(super) fn widths(&self, point: Vector3<f64>, widest: Widths) -> Widths {
         let mut reached = self
             .balls
             .iter()
             .filter_map(|ball| Some((ball.widths, ball.weight(point).filter(|w| *w > 0.0)?)));
-        let Some((first, weight)) = reached.next() else { return self.widest() };
+        let Some((first, weight)) = reached.next() else { return widest };
         // Differences from the first: a ball that reaches a point alone has its own widths to the bit.
         let (mut sum, mut beyond) = (weight, [0.0; 2]);
         for (other, weight) in reached {
@@ -179,7 +179,6 @@ impl Region {
             beyond[0] += weight * (other.margin - first.margin);
             beyond[1] += weight * (other.depth - first.depth);
         }
-        let widest = self.widest();
         Widths {
             margin: (first.margin + beyond[0] / sum).min(widest.margin),
             depth: (first.depth + beyond[1] / sum).min(widest.depth),
@@ -369,7 +368,9 @@ mod tests {
             let motion = Motion::new(grid.clone(), 3, vec![]).unwrap();
             let motion = motion.with_reach(vec![ball(0.0, 5.0), ball(apart, 10.0)]).unwrap();
             let frame = Frame { time: 0.0, displacement };
-            Region::of_each(&motion, &frame, &positions, &Band { margin: given, ..Band::default() }, None)
+            let band = Band { margin: given, ..Band::default() };
+            Region::new(&motion, &frame, &positions, &band, None)
+                .of_each(&grid, &frame, &positions, &band, None)
         };
         let margins = |apart| region(apart, None).balls.iter().map(|b| b.widths.margin).collect::<Vec<_>>();
         let depths = |apart| region(apart, None).balls.iter().map(|b| b.widths.depth).collect::<Vec<_>>();
@@ -392,7 +393,9 @@ mod tests {
             let motion = motion.with_reach(vec![ball(0.0, 8.0), ball(50.0, 30.0)]).unwrap();
             let positions = [Vector3::zeros(), Vector3::x() * 50.0, Vector3::x() * 400.0];
             let frame = Frame { time: 0.0, displacement };
-            Region::of_each(&motion, &frame, &positions, &Band::default(), None).balls[0].widths.depth
+            let band = Band::default();
+            let region = Region::new(&motion, &frame, &positions, &band, None);
+            region.of_each(&grid, &frame, &positions, &band, None).balls[0].widths.depth
         };
         let depths: Vec<f64> = (0..600).map(|step| beside(0.01 * f64::from(step))).collect();
         assert!(depths[0] == 8.0 && depths[599] > 20.0, "{depths:?}");
@@ -400,7 +403,7 @@ mod tests {
         // From one ball to the other widths change by degrees, and one alone has its own.
         let meet = region(45.0, None);
         let [own, other] = [0, 1].map(|i| meet.balls[i].widths);
-        let at = |x: f64| meet.widths(Vector3::x() * x);
+        let at = |x: f64| meet.widths(Vector3::x() * x, meet.widest());
         assert_eq!((at(-5.0), at(2.0), at(60.0)), (own, own, other));
         assert!(own.margin < other.margin && own.depth < other.depth && meet.alike().is_none());
         for step in 0..500 {

@@ -250,13 +250,13 @@ impl<'a> Writer<'a> {
                 }
             }
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
+                let labels = beside(node, earlier).map(|(labels, _): (&Labels, _)| labels);
                 if let Some(Artefact::Volume(volume)) = self.data.volume.as_deref() {
                     self.exec.run(|| whole(volume))?;
                     // Labels that another program drew are what a person knows the scan by.
-                    let drawn =
-                        beside(node, earlier).map(|(labels, _): (&Labels, _)| labels).filter(|labels| {
-                            self.scene.input.labels.is_some() && labels.grid().dims() == volume.grid().dims()
-                        });
+                    let drawn = labels.filter(|labels| {
+                        self.scene.input.labels.is_some() && labels.grid().dims() == volume.grid().dims()
+                    });
                     let colour = drawn.map(|labels| report::colour_of(labels, self.data.transfer.as_ref()));
                     let outlines =
                         drawn.zip(colour.as_ref()).map(|(labels, colour)| Outlines { labels, colour });
@@ -264,7 +264,7 @@ impl<'a> Writer<'a> {
                 }
                 self.data.specks_moved =
                     beside(node, earlier).map(|(lattice, _)| report::specks_moved(lattice, displacement));
-                if let Some((labels, _)) = beside(node, earlier) {
+                if let Some(labels) = labels {
                     self.data.class_volumes =
                         by_class(displacement, labels, self.exec).map_err(Error::in_stage("report"))?;
                 }

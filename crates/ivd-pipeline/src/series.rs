@@ -10,7 +10,7 @@ use serde_json::Value as Json;
 
 use crate::outputs::Writer;
 use crate::pipeline::{Context, run_node_as};
-use crate::plan::{NodeId, Plan};
+use crate::plan::{NodeId, OF_FRAMES, Plan};
 use crate::runner::{StageRecord, StageResult};
 use crate::scene::Scene;
 use crate::{Error, ending};
@@ -57,13 +57,12 @@ pub(crate) fn write(
 /// What is to say of a motion of one frame where a scene asks for pictures, meshes or volumes of all.
 pub(crate) fn still(scene: &Scene, made: &Artefact) -> Option<String> {
     Motion::of(made).filter(|motion| motion.frames().len() == 1)?;
-    let keys = ["animation", "volume_series", "picture_series"];
-    let asked = scene.output.files().into_iter().map(|(key, _)| key).filter(|key| keys.contains(key));
+    let is_of_all = |key: &str| key == "animation" || OF_FRAMES.contains(&key);
+    let asked = scene.output.files().into_iter().map(|(key, _)| key).filter(|key| is_of_all(key));
     let asked: Vec<String> = asked.map(|key| format!("output.{key}")).collect();
-    let first = asked.first()?;
-    let what = if asked.len() == 1 { first.clone() } else { asked.join(" and ") };
-    Some(format!(
-        "{what}: the motion has one frame, its end; deform.frames gives more, by a deform.solver that goes through time (dynamics, projective, xpbd)"
+    (!asked.is_empty()).then(|| format!(
+        "{}: the motion has one frame, its end; deform.frames gives more, by a deform.solver that goes through time (dynamics, projective, xpbd)",
+        asked.join(" and ")
     ))
 }
 

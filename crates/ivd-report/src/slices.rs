@@ -60,6 +60,9 @@ pub struct Outlines<'a> {
     pub colour: &'a dyn Fn(usize) -> [u8; 3],
 }
 
+/// The class of a voxel.
+type Classes<'a> = &'a dyn Fn(Outlines<'_>, [usize; 3]) -> u16;
+
 impl Outlines<'_> {
     /// The colour of a voxel where its class ends within a plane; `class` tells that of a voxel.
     fn line(&self, plane: &Plane, voxel: [usize; 3], class: impl Fn([usize; 3]) -> u16) -> Option<[u8; 4]> {
@@ -121,14 +124,15 @@ impl MovedSlices {
         let images = all.iter().map(|plane| {
             let cut = at[plane.cut()];
             let window = window(&values(volume, plane, cut));
-            let rest = plane.slice(dims, cut, |voxel| {
-                let line = outlines.and_then(|all| all.line(plane, voxel, |voxel| all.at_rest(voxel)));
-                line.unwrap_or_else(|| shade(volume.value(VoxelIndex(voxel)), window))
-            })?;
-            let after = plane.slice(dims, cut, |voxel| {
-                let line = outlines.and_then(|all| all.line(plane, voxel, |voxel| all.moved(motion, voxel)));
-                line.unwrap_or_else(|| shade(deformed(volume, motion, voxel), window))
-            })?;
+            let drawn = |class: Classes<'_>, value: &dyn Fn([usize; 3]) -> f64| {
+                plane.slice(dims, cut, |voxel| {
+                    let line = outlines.and_then(|all| all.line(plane, voxel, |voxel| class(all, voxel)));
+                    line.unwrap_or_else(|| shade(value(voxel), window))
+                })
+            };
+            let rest = drawn(&|all, voxel| all.at_rest(voxel), &|voxel| volume.value(VoxelIndex(voxel)))?;
+            let after =
+                drawn(&|all, voxel| all.moved(motion, voxel), &|voxel| deformed(volume, motion, voxel))?;
             let how_far = plane.slice(dims, cut, |voxel| {
                 let far = length(motion.forward().at(VoxelIndex(voxel)));
                 let [r, g, b] =
@@ -263,9 +267,6 @@ fn origin(grid: &Grid, motion: &Displacement, voxel: [usize; 3]) -> Option<Vecto
 fn deformed(volume: &Volume, motion: &Displacement, voxel: [usize; 3]) -> f64 {
     let grid = volume.grid();
     let Some(from) = origin(grid, motion, voxel) else { return f64::NAN };
-    if motion.inverse().at(VoxelIndex(voxel)) == [0.0; 3] {
-        return volume.value(VoxelIndex(voxel));
-    }
     let dims = grid.dims();
     let base: [usize; 3] =
         std::array::from_fn(|a| (from[a].max(0.0) as usize).min(dims[a].saturating_sub(2)));

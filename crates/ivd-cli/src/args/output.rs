@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args as ClapArgs;
 
@@ -10,14 +10,21 @@ pub(crate) struct Output {
     pub(crate) path: PathBuf,
 }
 
-/// A name for an artefact: none that says that the file is of another format.
+/// A name for an artefact, as it is typed.
 pub(crate) fn artefact_file(name: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(name);
-    if !ivd_pipeline::is_of_another_format(&path) {
-        return Ok(path);
+    check_artefact_name(&path)?;
+    Ok(path)
+}
+
+/// Refuses a name for an artefact that says that the file is of another format.
+pub(crate) fn check_artefact_name(path: &Path) -> Result<(), String> {
+    if !ivd_pipeline::is_of_another_format(path) {
+        return Ok(());
     }
-    let ending = ivd_pipeline::ending(&path);
     Err(format!(
-        "{name}: what is written is an artefact of this program, which nothing reads as .{ending}; name it .ivd, and `ivd export` makes of that what others read"
+        "{}: what is written is an artefact of this program, which nothing reads as .{}; name it .ivd, and `ivd export` makes of that what others read",
+        path.display(),
+        ivd_pipeline::ending(path)
     ))
 }

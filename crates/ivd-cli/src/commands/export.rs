@@ -49,8 +49,8 @@ pub(super) fn export(
         };
         input.artefact = std::sync::Arc::new(Artefact::Lattice(chosen));
     }
-    if frame.is_none() && matches!(*input.artefact, Artefact::Motion(_)) && FIELDS.contains(&&*ending(output))
-    {
+    let is_field = FIELDS.contains(&&*ending(output));
+    if frame.is_none() && is_field && matches!(*input.artefact, Artefact::Motion(_)) {
         let problem = format!(
             "{}: a displacement field is of one frame: add --frame N, or --frame all for a file of each{}",
             output.display(),
@@ -58,7 +58,7 @@ pub(super) fn export(
         );
         return Err(Failure::usage(problem));
     }
-    let is_mapped = frame.is_some() && FIELDS.contains(&&*ending(output));
+    let is_mapped = frame.is_some() && is_field;
     if direction.is_some() && !is_mapped && !matches!(*input.artefact, Artefact::Displacement(_)) {
         let kind = input.artefact.kind().name();
         return Err(Failure::usage(format!("--direction: a {kind} artefact has none; displacements have")));

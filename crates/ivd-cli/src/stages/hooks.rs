@@ -9,7 +9,9 @@ use ivd_pipeline::{Inputs, Section, StageResult};
 use serde_json::Value as Json;
 
 use super::{lattice, own_labels, pictures, posteriors};
+use crate::args::check_artefact_name;
 use crate::context::Context;
+use crate::exit::Failure;
 
 /// Does a stage's work and writes something else beside its result, as a flag asks for.
 pub(crate) type Beside = fn(&Section, &Path, &Inputs, &Context) -> anyhow::Result<StageResult>;
@@ -30,14 +32,14 @@ pub(crate) struct Hooks {
     pub(crate) holds: fn(&Section, &Path) -> anyhow::Result<()>,
 }
 
-/// Nothing.
+/// Nothing, and an artefact as the result.
 const PLAIN: Hooks = Hooks {
     flags: Vec::new,
     instead: |_, _| Ok(false),
     completed: |inputs, _, _, _| Ok(inputs),
     beside: None,
     implied: |_| None,
-    holds: |_, _| Ok(()),
+    holds: |_, output| check_artefact_name(output).map_err(Failure::usage),
 };
 
 const ALL: [(&str, Hooks); 5] = [

@@ -19,7 +19,7 @@ use ivd_core::Kind;
 use ivd_core::op::{Stage, Want, alternatives, kind};
 use ivd_pipeline::list;
 
-use crate::args::{self, Args, Global, artefact_file};
+use crate::args::{self, Args, Global};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::{filled, filled_with_parts, finish, kinds_of, unused};
@@ -117,9 +117,6 @@ pub(crate) fn run(offer: &Offer, matches: &ArgMatches, context: &Context) -> any
     let given = precursor::Given::of(stage, matches);
     let path = |name: &str| file_of(offer, matches, name);
     let output = path("output").ok_or_else(|| Failure::usage("-o FILE is missing"))?;
-    if !stage.methods.iter().any(|method| method.output == Some(Kind::Image)) {
-        artefact_file(&output.to_string_lossy()).map_err(Failure::usage)?;
-    }
     let mut keys = Typed::read(offer, matches, context)?;
     if let Some((key, value)) = (hooks.implied)(output) {
         keys.imply(key, value);

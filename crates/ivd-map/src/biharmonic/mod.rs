@@ -72,7 +72,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::alone::cut;
-use super::frame::{check_size, frame_of, moving_bricks};
+use super::frame::{check_size, frame_of, moving_bricks, still};
 use super::limit::as_far;
 use super::outcome::{SolveFigures, misfit as misfit_of};
 use super::region::{Region, largest};
@@ -255,12 +255,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let mut region = Region::new(motion, frame, &self.positions, band, Some(0.0));
             if largest(frame) == 0.0 {
                 let bricks = moving_bricks(grid, &region, frame, exec)?;
-                let zeros = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
-                let still = Made {
-                    field: FieldBricks::of_bricks(grid.dims(), &bricks, zeros.into())?,
-                    repairs: 0,
-                    solved: None,
-                };
+                let still = Made { field: still(grid, &bricks)?, repairs: 0, solved: None };
                 let settle =
                     Settle { lattice: &self.lattice, alone: None, region: &region, motion, frame, band };
                 return settled(&settle, still, exec);
@@ -270,7 +265,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 frame.displacement.iter().chain(inner).map(|d| Vector3::from(*d)).collect();
             let mut parts = vec![region.clone()];
             if region.balls().count() > 1 && Affine::fit(&self.positions, &motions).is_none() {
-                region = Region::of_each(motion, frame, &self.positions, band, Some(0.0));
+                region = region.of_each(grid, frame, &self.positions, band, Some(0.0));
                 parts = region.parts();
             }
             let settle = Settle {

@@ -42,7 +42,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::alone::cut;
-use super::frame::{check_size, frame_of, moving_bricks};
+use super::frame::{check_size, frame_of, moving_bricks, still};
 use super::limit::as_far;
 use super::outcome::SolveFigures;
 use super::region::{Region, largest};
@@ -117,8 +117,7 @@ fn map_frame(
     let alone = (params.band.outside == Outside::Free).then_some(inside);
     let settle = Settle { lattice, alone, region: &region, motion, frame, band: &params.band };
     if largest(frame) == 0.0 {
-        let still = vec![[0.0; 3]; FieldBricks::VOXELS * bricks.len()];
-        return settle.settle(FieldBricks::of_bricks(lattice.grid().dims(), &bricks, still.into())?, exec);
+        return settle.settle(still(lattice.grid(), &bricks)?, exec);
     }
     let cells = cells(lattice, &region, params.cell);
     let materials = Materials::new(inside, labels, params);
