@@ -15,7 +15,7 @@ use crate::opening::{Begun, Tell, Told};
 use crate::preview::{Preview, Scan};
 use crate::queue::{Next, Queue};
 use crate::save::File;
-use crate::{Error, Figures, Model, Pane, Request, Saved};
+use crate::{Error, Figures, Model, Pane, Request, Saved, Sight};
 
 /// After so long without a request the picture is made whole.
 const SETTLED: Duration = Duration::from_millis(60);
@@ -130,6 +130,19 @@ impl Service {
         exec: Exec,
         publish: impl FnMut(Output) + Send + 'static,
     ) -> Result<Self, Error> {
+        Self::start_seen(None, open, exec, publish)
+    }
+
+    /// [`Service::start`], with what is seen from the first picture on, however soon that comes.
+    ///
+    /// # Errors
+    /// As for [`Service::start`]. A sight that can't be had there is told.
+    pub fn start_seen<B: Into<Begun>>(
+        sight: Option<Sight>,
+        open: impl FnOnce(&Tell) -> Result<B, Error> + Send + 'static,
+        exec: Exec,
+        publish: impl FnMut(Output) + Send + 'static,
+    ) -> Result<Self, Error> {
         let queue = Arc::new(Queue::default());
         let refining = Arc::new(Mutex::new(Cancel::default()));
         let following = Arc::new(Mutex::new(Following::default()));
@@ -137,6 +150,7 @@ impl Service {
             queue: queue.clone(),
             refining: refining.clone(),
             following: following.clone(),
+            sight,
             exec,
             publish,
         };
@@ -199,6 +213,8 @@ struct Worker<P> {
     queue: Arc<Queue>,
     refining: Arc<Mutex<Cancel>>,
     following: Arc<Mutex<Following>>,
+    /// What is seen first.
+    sight: Option<Sight>,
     exec: Exec,
     publish: P,
 }
@@ -345,6 +361,8 @@ impl<P: FnMut(Output)> Worker<P> {
         let Some(mut begun) = opened else { return Ok(None) };
         if let Some(preview) = preview {
             preview.hand_over(&mut begun.model)?;
+        } else if let Some(sight) = self.sight {
+            begun.model.follow(&Request::Show { sight }).or_else(|error| self.told(error))?;
         }
         Ok(Some((begun, later)))
     }
@@ -374,7 +392,10 @@ impl<P: FnMut(Output)> Worker<P> {
                     Told::Note(text) => (self.publish)(Output::Note(text)),
                     Told::Scan(scan) => {
                         let (volume, said) = *scan;
-                        *preview = Some(Preview::new(volume, &said, &self.exec));
+                        let made = preview.insert(Preview::new(volume, &said, &self.exec));
+                        if let Some(sight) = self.sight {
+                            made.follow(&Request::Show { sight }).or_else(|error| self.told(error))?;
+                        }
                         sees_more = true;
                     }
                     Told::AtRest(seen) => {

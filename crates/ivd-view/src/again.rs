@@ -36,15 +36,7 @@ impl Window {
     fn begin_again(&mut self, source: &Source, entries: Vec<Entry>, seen: Seen, context: &Context) {
         let left = self.work.take().and_then(|work| work.leave(entries.len()));
         self.clear();
-        self.begin_seen(source, Begins::Again(entries, left), seen, context);
-    }
-
-    fn begin_seen(&mut self, source: &Source, begins: Begins, seen: Seen, context: &Context) {
-        self.begin(source, begins, context);
-        // From the first picture on.
-        if let (Some(sight), true) = (seen.sight, self.work.is_some()) {
-            self.ask(Request::Show { sight });
-        }
+        self.begin(source, Begins::Again(entries, left, seen.sight), context);
         self.seen = seen;
     }
 
@@ -59,7 +51,8 @@ impl Window {
         let before = self.before.take().filter(|before| before.again == work.source);
         let left = work.close();
         let Some(Before { source, entries, seen, .. }) = before else { return false };
-        self.begin_seen(&source, Begins::Again(entries, left), seen, context);
+        self.begin(&source, Begins::Again(entries, left, seen.sight), context);
+        self.seen = seen;
         true
     }
 

@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use egui::Context;
 use ivd_core::Cancel;
 use ivd_frames::{
-    Begun, Client, Entry, Error, Model, Opened, Request, Saved, Service, Source, Subject, TOO_MUCH, Tell,
+    Begun, Client, Entry, Error, Model, Opened, Request, Saved, Service, Sight, Source, Subject, TOO_MUCH,
+    Tell,
 };
 use ivd_pipeline::scene::Override;
 
@@ -27,8 +28,8 @@ pub(crate) enum Begins {
     Anew,
     /// A log that was left over: its source.
     Left(Left),
-    /// What was done before it was made again, and the log that has it until that is done once more.
-    Again(Vec<Entry>, Option<Left>),
+    /// What was done before it was made again, the log that has it until that is done once more, and how it was seen.
+    Again(Vec<Entry>, Option<Left>, Option<Sight>),
 }
 
 /// What is worked on. Dropped, it ends; its log stays, unless it was closed.
@@ -67,6 +68,7 @@ impl Work {
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let scan = loaded.scene.input.file.as_ref().map(|file| absolute(&loaded.folder.join(file)));
         let (mut again, mut of, mut is_last) = (source.clone(), source.file.as_deref().map(absolute), false);
+        let mut sight = None;
         let left = match begins {
             Begins::Anew => None,
             Begins::Left(left) => {
@@ -75,8 +77,8 @@ impl Work {
                 of.clone_from(&left.of);
                 Some(left)
             }
-            Begins::Again(done, left) => {
-                entries = done;
+            Begins::Again(done, left, seen) => {
+                (entries, sight) = (done, seen);
                 left
             }
         };
@@ -108,7 +110,7 @@ impl Work {
             };
             Ok(Begun { entries, line, model: Model::new(subject, SIZE, its)? })
         };
-        let service = Service::start(open, exec, move |output| to.take(output))?;
+        let service = Service::start_seen(sight, open, exec, move |output| to.take(output))?;
         let (service, is_shown) = (Some(service), false);
         Ok(Self { service, cancel, shared, source: again, of, scan, journal, left, is_shown, is_last })
     }

@@ -8,8 +8,8 @@ use std::time::Duration;
 use ivd_artefact::Cache;
 use ivd_core::{Exec, Observer};
 use ivd_frames::{
-    Begun, Error, Figures, Frame, MapName, Model, Output, Pane, Request, Saved, Service, Source, Subject,
-    Tell,
+    Begun, Error, Figures, Frame, MapName, Model, Output, Pane, Request, Saved, Service, Sight, Source,
+    Subject, Tell,
 };
 
 use super::common::{BALL, Draw, loaded, model};
@@ -52,6 +52,35 @@ fn a_drag_in_many_requests_ends_where_the_same_without_a_service_does() {
     assert_eq!(last.pictures[0].image, alone.draw(Pane::Volume, 1, &Exec::default()).unwrap());
     assert!(last.number < 63, "requests that come meanwhile are merged");
     assert!(last.pictures[0].png().unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn what_is_seen_first_is_so_from_the_first_picture_on() {
+    let model_told = |tell: &Tell| {
+        let exec = Exec::default();
+        let subject = Subject::open(&loaded(BALL), false, &Cache::disabled(), &exec, tell)?;
+        Model::new(subject, [128, 128], exec)
+    };
+    let other = model(BALL).figures().sight();
+    let sight = Sight { angles: [90.0, 0.0], zoom: 2.0, window: [10.0, 90.0], ..other };
+    let cross = sight.cross.map(|mm| mm + 3.0);
+    let sight = Sight { cross, radius: 1.5 * sight.radius, ..sight };
+    for is_told in [false, true] {
+        let (sender, outputs) = channel();
+        let open = move |tell: &Tell| if is_told { model_told(tell) } else { Ok(model(BALL)) };
+        let publish = move |output| _ = sender.send(output);
+        let service = Service::start_seen(Some(sight), open, Exec::default(), publish).unwrap();
+        let first = loop {
+            match outputs.recv_timeout(LONG).unwrap() {
+                Output::Frame(frame) => break frame,
+                Output::Scan(scan) => assert_eq!(scan.cross, sight.cross),
+                Output::Failed(why) => panic!("{why}"),
+                _ => {}
+            }
+        };
+        assert_eq!((first.number, first.figures.sight()), (1, sight), "{is_told}");
+        drop(service);
+    }
 }
 
 #[test]
