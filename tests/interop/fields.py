@@ -46,7 +46,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder)
         sitk.WriteImage(image, path / "v.nrrd")
-        for name in ("f.nrrd", "f.nii.gz"):
+        for name in ("f.nrrd", "f.nii.gz", "f.mha"):
             for kind in (sitk.sitkVectorFloat32, sitk.sitkVectorFloat64):
                 sitk.WriteImage(sitk.Cast(vectors, kind), path / name)
                 told = ivd(program, folder, "import", name, "--displacement=inverse", "-o", "d.ivd")["metrics"]

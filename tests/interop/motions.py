@@ -1,7 +1,7 @@
 """Motions and displacement fields as other programs read them: python motions.py PATH/TO/ivd
 
 A phantom's lattice is twisted and the twist carried to its voxels. VTK plays the GLB's morph targets and reads the series of VTP
-that the PVD names; SimpleITK reads both fields as NRRD and as NIfTI, alike, each undoing the other, and its resampling through
+that the PVD names; SimpleITK reads both fields as NRRD, NIfTI and MetaImage, alike, each undoing the other, and its resampling through
 the field is the program's warp to 1e-4 of the range; ITK's own inverse of the forward field, by fixed points, has the same
 places. Prints `N passed, N failed`; the exit code is 1 where something failed. Needs numpy, SimpleITK and vtk.
 """
@@ -89,13 +89,13 @@ def fields(program, at):
     read = {}
     for direction in ("forward", "inverse"):
         both = []
-        for ending in ("nrrd", "nii", "nii.gz"):
+        for ending in ("nrrd", "nii", "nii.gz", "mha"):
             path = at / f"{direction}.{ending}"
             ivd(program, "export", at / "d.ivd", "--direction", direction, "-o", path)
             both.append(sitk.ReadImage(str(path), sitk.sitkVectorFloat64))
         arrays = [sitk.GetArrayFromImage(image) for image in both]
         check(f"{direction}: something moves", np.abs(arrays[0]).max() > 1)
-        for image, array, ending in zip(both[1:], arrays[1:], ("nii", "nii.gz")):
+        for image, array, ending in zip(both[1:], arrays[1:], ("nii", "nii.gz", "mha")):
             check(f"{direction}: {ending} as nrrd", np.array_equal(array, arrays[0]), f"{np.abs(array - arrays[0]).max()} mm")
             corner = [n - 1 for n in image.GetSize()]
             apart = np.subtract(image.TransformIndexToPhysicalPoint(corner), both[0].TransformIndexToPhysicalPoint(corner))

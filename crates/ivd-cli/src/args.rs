@@ -118,7 +118,7 @@ pub(crate) enum Command {
         /// Treat what isn't 0 as inside and write a mask artefact.
         #[arg(long)]
         mask: bool,
-        /// Read a vector field (.nrrd, .nii) as a displacement in mm, certify it and write a displacement artefact:
+        /// Read a vector field (.nrrd, .nii, .mha) as a displacement in mm, certify it and write a displacement artefact:
         /// inverse, from the deformed to the rest, as ITK, ANTs and 3D Slicer resample, or forward. Files that `ivd export` wrote say it
         /// themselves.
         #[arg(long, value_name = "inverse|forward", num_args = 0..=1, require_equals = true,

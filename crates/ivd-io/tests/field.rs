@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "what builds a test's files may fail it")]
 
 use ivd_core::{Displacement, Exec, FieldBricks, Grid, NO_BRICK, VoxelIndex};
-use ivd_io::volume::{Error, FieldDirection, write_field};
+use ivd_io::volume::{Error, FieldDirection, ReadOptions, read_field, write_field};
 
 const DIMS: [usize; 3] = [10, 9, 3];
 
@@ -50,6 +50,50 @@ fn a_field_is_dense_with_vectors_and_grid_in_lps() {
         let [r, a, s] = displacement.forward().at(at);
         assert_eq!(vector, [-r, -a, s], "{at:?}");
     }
+}
+
+#[test]
+fn metaimage_holds_three_channels_and_says_which_way_they_lead() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, other] = ["field.mha", "field.nrrd"].map(|name| folder.path().join(name));
+    let displacement = displacement();
+    for path in [&path, &other] {
+        write_field(path, &displacement, FieldDirection::Forward, &Exec::default()).unwrap();
+    }
+    let bytes = std::fs::read(&path).unwrap();
+    let header = String::from_utf8_lossy(&bytes);
+    for line in [
+        "NDims = 3",
+        "DimSize = 10 9 3",
+        "TransformMatrix = 0.0 -1.0 0.0 -1.0 0.0 0.0 0.0 0.0 1.0",
+        "Offset = -10.0 -20.0 30.0",
+        "ElementNumberOfChannels = 3",
+        "ElementType = MET_FLOAT",
+        "Comment = forward mm LPS",
+    ] {
+        assert!(header.lines().any(|l| l == line), "{line} in {header}");
+    }
+    // The same numbers in the same order.
+    let numbers = 3 * 270 * 4;
+    let theirs = std::fs::read(&other).unwrap();
+    assert_eq!(bytes[bytes.len() - numbers..], theirs[theirs.len() - numbers..]);
+    let read = |path| read_field(path, &Exec::default()).unwrap();
+    assert_eq!(read(&path), read(&other));
+    assert_eq!(read(&path).direction, Some(FieldDirection::Forward));
+    // Two numbers a voxel are no field, and three no volume.
+    let told = volume_error(&path);
+    assert!(told.contains("--displacement"), "{told}");
+    let (head, rest) = bytes.split_at(bytes.len() - numbers);
+    let two = String::from_utf8_lossy(head).replace("Channels = 3", "Channels = 2");
+    std::fs::write(&path, [two.as_bytes(), rest].concat()).unwrap();
+    let told = read_field(&path, &Exec::default()).unwrap_err().to_string();
+    assert!(told.contains("ElementNumberOfChannels") && told.contains("2 a voxel"), "{told}");
+    let told = volume_error(&path);
+    assert!(told.contains("one component"), "{told}");
+}
+
+fn volume_error(path: &std::path::Path) -> String {
+    ivd_io::volume::read(path, &ReadOptions::default(), &Exec::default()).unwrap_err().to_string()
 }
 
 #[test]

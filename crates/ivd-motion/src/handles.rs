@@ -131,9 +131,8 @@ pub(crate) fn resolve(
         let world: [f64; 3] = lattice.world(nearest.1).0.into();
         let point: [f64; 3] = (point + Vector3::from(lattice.grid().origin())).into();
         format!(
-            "the vertex nearest to {point:.3?} mm, {} at {world:.3?} mm, is {:.3} mm away, further than {limit:.3} mm \
+            "the vertex nearest to {point:.3?} mm, at {world:.3?} mm, is {:.3} mm away, further than {limit:.3} mm \
              (ten voxel diagonals){}",
-            nearest.1,
             nearest.0,
             lattice.grid().told_outside(point).map_or_else(String::new, |told| format!("; {told}"))
         )

@@ -15,7 +15,7 @@ use crate::{Error, describe, pictures};
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
 /// Volumes, labels and masks: nii, nii.gz, nrrd, mha, mhd, vti, tif, tiff, raw. Lattices: ply, obj, stl, glb, vtp.
-/// Displacements: nrrd, nii, nii.gz (deformed → rest, LPS mm, as ITK reads it). Images: png and apng (all frames of a turntable as an animation), gif, exr (the light
+/// Displacements: [`FIELD_ENDINGS`] (deformed → rest, LPS mm, as ITK reads it). Images: png and apng (all frames of a turntable as an animation), gif, exr (the light
 /// that was kept). Transfer functions: vp.json (3D
 /// Slicer), paraview.json, json. Motions, octrees, and the figures of anything else: json. What else may be chosen: [`export_with`].
 ///
@@ -164,7 +164,7 @@ pub(crate) const VOLUME_ENDINGS: [&str; 10] =
     ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw"];
 
 /// Formats that displacement fields are written in.
-pub(crate) const FIELD_ENDINGS: [&str; 3] = ["nrrd", "nii", "nii.gz"];
+pub const FIELD_ENDINGS: [&str; 4] = ["nrrd", "mha", "nii", "nii.gz"];
 
 fn write_field(
     path: &Path,

@@ -63,8 +63,8 @@ pub use control::{Control, Decisions};
 pub use describe::describe;
 pub use error::Error;
 pub use export::{
-    ExportOptions, check_frame, ending, export, export_with, is_of_another_format, labels_volume,
-    mask_volume, write_text,
+    ExportOptions, FIELD_ENDINGS, check_frame, ending, export, export_with, is_of_another_format,
+    labels_volume, mask_volume, write_text,
 };
 pub use frames::map_frame;
 pub use ivd_core::op::Slot;

@@ -48,7 +48,7 @@ pub(super) fn run(a: &Path, b: &Path, labels: bool, context: &Context) -> anyhow
         let differing = differing(&first.artefact, &second.artefact);
         let apart = apart_mm(&first.artefact, &second.artefact);
         if !differing.is_empty() {
-            let by = apart.map_or_else(String::new, |mm| {
+            let by = apart.filter(|mm| *mm > 0.0).map_or_else(String::new, |mm| {
                 format!("; their voxels lie apart by {mm:.1e} mm at most, which counts as the same place")
             });
             context.say(&format!("ivd: note: they differ in their {}{by}", differing.join(", ")));
@@ -130,7 +130,7 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
     all.filter_map(|(what, differs)| differs.then_some(what)).collect()
 }
 
-/// How far the voxels of one lie from those of the other at most (mm), where their grids count as one and aren't the same to the last bit.
+/// How far the voxels of one lie from those of the other at most (mm), where their grids count as one.
 fn apart_mm(a: &Artefact, b: &Artefact) -> Option<f64> {
     let (here, there) = grid_of(a).zip(grid_of(b))?;
     let corner = |grid: &Grid, corner: usize| {
@@ -139,8 +139,7 @@ fn apart_mm(a: &Artefact, b: &Artefact) -> Option<f64> {
         grid.world(VoxelCoord(voxel.into())).0
     };
     // Both are affine in the voxel: what lies apart most is a corner.
-    let apart = (0..8).map(|at| (corner(here, at) - corner(there, at)).norm()).fold(0.0, f64::max);
-    (apart > 0.0).then_some(apart)
+    Some((0..8).map(|at| (corner(here, at) - corner(there, at)).norm()).fold(0.0, f64::max))
 }
 
 fn grid_of(artefact: &Artefact) -> Option<&Grid> {

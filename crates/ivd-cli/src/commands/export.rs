@@ -6,16 +6,15 @@ use ivd_artefact::Artefact;
 use ivd_core::Image;
 use ivd_io::Space;
 use ivd_io::volume::FieldDirection;
-use ivd_pipeline::{ExportOptions, Input, Metrics, Runner, ending, export_with, frame_file, map_frame};
+use ivd_pipeline::{
+    ExportOptions, FIELD_ENDINGS, Input, Metrics, Runner, ending, export_with, frame_file, map_frame,
+};
 use serde_json::{Map, Value, json};
 
 use crate::args::{Direction, Frames, MeshSpace};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::volume_or_artefact;
-
-/// Formats of a displacement field.
-const FIELDS: [&str; 3] = ["nrrd", "nii", "nii.gz"];
 
 /// What is chosen of an artefact and its file.
 pub(super) struct Choice<'a> {
@@ -49,7 +48,7 @@ pub(super) fn export(
         };
         input.artefact = std::sync::Arc::new(Artefact::Lattice(chosen));
     }
-    let is_field = FIELDS.contains(&&*ending(output));
+    let is_field = FIELD_ENDINGS.contains(&&*ending(output));
     if frame.is_none() && is_field && matches!(*input.artefact, Artefact::Motion(_)) {
         let problem = format!(
             "{}: a displacement field is of one frame: add --frame N, or --frame all for a file of each{}",
@@ -161,7 +160,7 @@ fn frames(
         return Err(Failure::usage("--frame all: the motion has no frames"));
     }
     let (mut written, cache) = (Vec::new(), context.stage_cache()?);
-    let is_mapped = FIELDS.contains(&&*ending(output));
+    let is_mapped = FIELD_ENDINGS.contains(&&*ending(output));
     for (frame, path) in chosen {
         let (touched, figures) = if is_mapped {
             let runner = Runner { exec: &context.exec, cache: &cache, lazy: false };

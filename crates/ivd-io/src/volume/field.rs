@@ -4,7 +4,7 @@ use std::path::Path;
 use ivd_core::{Displacement, Exec, Grid, VoxelIndex};
 
 use crate::volume::replace::put;
-use crate::volume::{Error, Written, nifti, nrrd};
+use crate::volume::{Error, Written, metaimage, nifti, nrrd};
 
 /// Which way a displacement field leads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -32,6 +32,7 @@ impl FieldDirection {
 ///
 /// - `.nrrd`: the vector is the fastest axis, grid and vectors share the space `left-posterior-superior`; the key `displacement`
 ///   says which way the field leads.
+/// - `.mha`: three channels; the comment says which way the field leads.
 /// - `.nii`, `.nii.gz`: five dimensions, intent `VECTOR`; the intent's name says which way the field leads.
 ///
 /// # Errors
@@ -49,12 +50,16 @@ pub fn write_field(
     let grid = displacement.grid();
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
+    let mut vectors = |to: &mut dyn Write| {
+        rows(to, path, grid, exec, |at, row| {
+            row.extend(lps(field.at(at)).into_iter().flat_map(f32::to_le_bytes));
+        })
+    };
     if ends(&[".nrrd"]) {
-        return nrrd::field(path, grid, direction.name(), &mut |to| {
-            rows(to, path, grid, exec, |at, row| {
-                row.extend(lps(field.at(at)).into_iter().flat_map(f32::to_le_bytes));
-            })
-        });
+        return nrrd::field(path, grid, direction.name(), &mut vectors);
+    }
+    if ends(&[".mha"]) {
+        return metaimage::field(path, grid, direction.name(), &mut vectors);
     }
     if ends(&[".nii", ".nii.gz"]) {
         let kind = format!("{} mm LPS", direction.name());
@@ -70,7 +75,7 @@ pub fn write_field(
     Err(Error::Unknown {
         path: path.to_owned(),
         problem: "the ending tells no format of displacement fields".into(),
-        remedy: "end the name in .nrrd, .nii or .nii.gz".into(),
+        remedy: "end the name in .nrrd, .mha, .nii or .nii.gz".into(),
     })
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use ivd_core::{Exec, FieldBricks, Grid, Scalar, Voxels, with_voxels};
 
 use super::read::{Format, format};
-use super::{Error, FieldDirection, nifti, nrrd};
+use super::{Error, FieldDirection, metaimage, nifti, nrrd};
 use crate::Space;
 
 /// A field that was read.
@@ -32,7 +32,7 @@ pub(crate) struct Components {
 }
 
 /// Reads a displacement field: NRRD with a vector of three as its fastest axis, in LPS (ITK, 3D Slicer); NIfTI of five dimensions with
-/// an intent of vectors, in LPS, or of displacements, in RAS (ITK, ANTs).
+/// an intent of vectors, in LPS, or of displacements, in RAS (ITK, ANTs); MetaImage of three channels, in LPS (ITK, elastix).
 ///
 /// # Errors
 /// As [`read`](super::read()); where the file isn't one, what it is instead.
@@ -41,8 +41,9 @@ pub fn read_field(path: &Path, exec: &Exec) -> Result<GivenField, Error> {
         let found = match format(path)? {
             Format::Nrrd => nrrd::read_field(path, exec)?,
             Format::Nifti => nifti::read_field(path, exec)?,
-            Format::MetaImage | Format::Vti | Format::Tiff | Format::Dicom => {
-                let remedy = "write it as .nrrd or .nii.gz, as ITK does";
+            Format::MetaImage => metaimage::read_field(path, exec)?,
+            Format::Vti | Format::Tiff | Format::Dicom => {
+                let remedy = "write it as .nrrd, .nii.gz or .mha, as ITK does";
                 return Err(Error::unsupported(path, "a displacement field in this format", remedy));
             }
         };

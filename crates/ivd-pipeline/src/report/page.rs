@@ -18,7 +18,7 @@ use super::summary::summary;
 use crate::control::Decisions;
 use crate::pictures::png_bytes;
 use crate::plan::NodeId;
-use crate::scene::{Loaded, Picture};
+use crate::scene::{InputSection, Loaded, Picture};
 use crate::stages::{IMPORT, ImportFigures, LabelsOfFigures};
 use crate::{Error, OutputFile, StageRecord, State, figures_of};
 
@@ -39,7 +39,7 @@ pub(crate) fn html(
     let lettered = is_lettered(records);
     page.section(
         "What was asked, and what was done",
-        &body_or_problem(summary(loaded, records, data.specks_moved)),
+        &body_or_problem(summary(loaded, records, data.specks_moved, exec)),
     );
     if let (Some(moved), Some(Artefact::Volume(volume))) = (&data.moved, data.volume.as_deref()) {
         page.section("Slices through what moves furthest", &moved.html(volume.grid(), lettered, png_bytes)?);
@@ -47,7 +47,7 @@ pub(crate) fn html(
     if let (Some(result), Some(Artefact::Volume(volume))) = (&data.result, data.volume.as_deref()) {
         page.section("Slices of what came of it", &result.html(volume.grid(), lettered, png_bytes)?);
     }
-    page.section("Volume", &body_or_problem(volume_table(records)));
+    page.section("Volume", &body_or_problem(volume_table(&loaded.scene.input, records)));
     let segment = records.iter().find(|r| r.stage == ivd_segment::STAGE.name && r.output.is_some());
     let found = segment.map(StageRecord::figures::<Figures<AnyFigures>>);
     let of_file = records.iter().find(|r| r.stage == IMPORT && r.variant == NodeId::LABELS.variant);
@@ -102,7 +102,17 @@ fn is_lettered(records: &[StageRecord]) -> bool {
     import.ok().flatten().is_some_and(|found| found.patient_space)
 }
 
-fn volume_table(records: &[StageRecord]) -> Result<String, Error> {
+/// Who says where left and right are.
+fn lettered_by(asked: &InputSection, is_known: bool) -> String {
+    match (is_known, asked.axes, &asked.grid_of) {
+        (false, ..) => "no".to_owned(),
+        (true, Some(axes), _) => format!("yes: the scene says it, axes = {axes}"),
+        (true, None, Some(_)) => "yes: the file of grid_of says it".to_owned(),
+        (true, None, None) => "yes".to_owned(),
+    }
+}
+
+fn volume_table(asked: &InputSection, records: &[StageRecord]) -> Result<String, Error> {
     let import = figures_of::<ImportFigures>(records, IMPORT)?;
     let import = import.as_ref();
     Ok(pairs(&[
@@ -111,10 +121,7 @@ fn volume_table(records: &[StageRecord]) -> Result<String, Error> {
         ("stored type", shown(import.map(|found| &found.stored))),
         ("range", shown(import.map(|found| found.range))),
         ("voxels without data", shown(import.map(|found| found.missing))),
-        (
-            "says where left and right are",
-            shown(import.map(|found| if found.patient_space { "yes" } else { "no" })),
-        ),
+        ("left and right are known", shown(import.map(|found| lettered_by(asked, found.patient_space)))),
     ]))
 }
 

@@ -1,7 +1,7 @@
 //! What was asked and what was done: what moved, how far, and whether to trust it, on one screen.
 
 use ivd_boundary::BoundaryFigures;
-use ivd_core::counted;
+use ivd_core::{Exec, counted};
 use ivd_field::clip::{self, ClipFigures};
 use ivd_field::combine::{self, CombineFigures};
 use ivd_lattice::extract::{self, LatticeFigures};
@@ -20,17 +20,26 @@ use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
 
 /// The settings, the handles, what came of them, and what to know about it.
-/// `specks_moved`: small parts of the lattice that lie where something moves.
+/// What it marks is noted, for who doesn't open it.
+///
+/// - `specks_moved`: small parts of the lattice that lie where something moves.
 pub(super) fn summary(
     loaded: &Loaded,
     records: &[StageRecord],
     specks_moved: Option<u64>,
+    exec: &Exec,
 ) -> Result<String, Error> {
     let scene = &loaded.scene;
     let done = figures_of::<deform::Figures>(records, deform::STAGE.name)?;
     let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
     let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
     let told = told(records, specks_moved, map.as_ref())?;
+    let marked = told.iter().filter(|told| told.warns).map(|told| format!("{}{}", told.about, told.frame));
+    let marked: Vec<String> = marked.collect();
+    if !marked.is_empty() {
+        let marked = marked.join("; ");
+        exec.observer().note(&format!("the report marks (▲) what to look at before it is trusted: {marked}"));
+    }
     let mut html = verdict(&told, map.as_ref(), space.as_ref());
     html += &pairs(&settings(loaded, records)?);
     if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {

@@ -9,13 +9,15 @@ mod write;
 
 use std::path::{Path, PathBuf};
 
-use ivd_core::{Exec, Grid, Modality, Volume, VoxelType};
+use ivd_core::{Exec, Grid, Modality, Volume, VoxelType, Voxels};
 
+use crate::Space;
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
+use crate::volume::given_field::Components;
 use crate::volume::stored::FileType;
 use crate::volume::text_header::Header;
 use crate::volume::{ByteOrder, Error, bounded, orientation};
-pub(crate) use write::write;
+pub(crate) use write::{field, write};
 
 /// Whether bytes open a MetaImage header: it has no magic, but starts with one of its first fields.
 pub(crate) fn is_metaimage(bytes: &[u8]) -> bool {
@@ -29,30 +31,50 @@ pub(crate) fn is_metaimage(bytes: &[u8]) -> bool {
 /// Reads a volume; `frame` chooses one of a 4-D file.
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
     let header = header::read(path)?;
-    let (dims, frames) = sizes(path, &header)?;
-    let count = bounded::voxel_count(path, "DimSize", dims)?;
-    let grid = grid(path, &header, dims)?;
-    let encoding = encoding(path, &header)?;
-    let (data_path, offset) =
-        data::place(path, "ElementDataFile", data_name(path, &header)?.as_deref(), header.length)?;
-    let data = DataFile {
-        path: data_path,
-        offset,
-        start: start(path, &header)?,
-        encoding,
-        order: order(path, &header)?,
-        file_type: file_type(path, &header)?,
-        count,
-        frames: Frames { field: "DimSize", count: frames, chosen: frame },
-    };
+    let (grid, voxels) = components(path, &header, 1, frame, exec)?;
     let modality = match header.fields.get("Modality").map(str::to_uppercase).as_deref() {
         Some("MET_MOD_CT") => Some(Modality::ComputedTomography),
         Some("MET_MOD_MR") => Some(Modality::MagneticResonance),
         _ => None,
     };
     let stated = header.fields.get("AnatomicalOrientation").is_some_and(|way| !way.contains('?'));
-    let volume = Volume::new(grid, data.read(exec)?)?;
+    let volume = Volume::new(grid, voxels)?;
     Ok(volume.with_modality(modality).with_patient_space(stated))
+}
+
+/// Reads the vectors of a displacement field: three numbers a voxel, along LPS.
+pub(crate) fn read_field(path: &Path, exec: &Exec) -> Result<Components, Error> {
+    let header = header::read(path)?;
+    let (grid, voxels) = components(path, &header, 3, None, exec)?;
+    let says = header.fields.get("Comment").unwrap_or_default().to_owned();
+    Ok(Components { grid, voxels, together: true, space: Space::Lps, says })
+}
+
+/// The grid, and so many numbers of each of its voxels, one voxel after the other.
+fn components(
+    path: &Path,
+    header: &Header,
+    channels: usize,
+    frame: Option<usize>,
+    exec: &Exec,
+) -> Result<(Grid, Voxels), Error> {
+    let (dims, frames) = sizes(path, header, channels)?;
+    let count = bounded::voxel_count(path, "DimSize", dims)?.checked_mul(channels);
+    let grid = grid(path, header, dims)?;
+    let encoding = encoding(path, header)?;
+    let (data_path, offset) =
+        data::place(path, "ElementDataFile", data_name(path, header)?.as_deref(), header.length)?;
+    let data = DataFile {
+        path: data_path,
+        offset,
+        start: start(path, header)?,
+        encoding,
+        order: order(path, header)?,
+        file_type: file_type(path, header)?,
+        count: count.ok_or_else(|| Error::field(path, "DimSize", "more numbers than can be counted"))?,
+        frames: Frames { field: "DimSize", count: frames, chosen: frame },
+    };
+    Ok((grid, data.read(exec)?))
 }
 
 /// The files of a volume.
@@ -76,21 +98,30 @@ fn data_name(path: &Path, header: &Header) -> Result<Option<String>, Error> {
     Ok(Some(name.to_owned()))
 }
 
-fn sizes(path: &Path, header: &Header) -> Result<([usize; 3], usize), Error> {
+fn sizes(path: &Path, header: &Header, channels: usize) -> Result<([usize; 3], usize), Error> {
     let rank = rank(path, header)?;
     let sizes: Vec<i64> = header
         .fields
         .numbers(path, "DimSize", rank)?
         .ok_or_else(|| Error::field(path, "DimSize", "missing"))?;
     let sizes = sizes.iter().map(|&n| bounded::size(path, "DimSize", n)).collect::<Result<Vec<_>, _>>()?;
-    if let Some(text) = header.fields.get("ElementNumberOfChannels")
-        && text != "1"
-    {
-        return Err(Error::unsupported(
-            path,
-            format!("`ElementNumberOfChannels = {text}`"),
-            "extract one channel into a file of its own",
-        ));
+    let text = header.fields.get("ElementNumberOfChannels").unwrap_or("1");
+    let has: usize = text.parse().map_err(|_| {
+        Error::field(path, "ElementNumberOfChannels", format!("`{text}` is no number of values a voxel"))
+    })?;
+    match (channels, has) {
+        (wanted, has) if wanted == has => {}
+        (1, _) => {
+            let what = format!("`ElementNumberOfChannels = {text}`");
+            return Err(Error::unsupported(path, what, bounded::vectors_remedy(has)));
+        }
+        _ => {
+            let problem = format!("not a field of vectors ({text} a voxel, where it has {channels})");
+            return Err(Error::field(path, "ElementNumberOfChannels", problem));
+        }
+    }
+    if channels > 1 && (rank < 3 || sizes.get(3).is_some_and(|&frames| frames != 1)) {
+        return Err(Error::field(path, "NDims", "not a field of vectors, which has three"));
     }
     let at = |a: usize| sizes.get(a).copied().unwrap_or(1);
     Ok(([at(0), at(1), at(2)], at(3)))

@@ -1,3 +1,4 @@
+use std::io::Write;
 use std::path::Path;
 
 use ivd_core::{Exec, Grid, Volume, VoxelType};
@@ -25,6 +26,21 @@ pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written
     let voxels = replace(&data, |to| values.write(to, &data, volume, exec))?;
     let head = replace(path, |to| put(to, path, format!("{header}ElementDataFile = {name}\n").as_bytes()))?;
     Ok(voxels.and(head))
+}
+
+/// Writes a field of vectors (mm) in LPS as a displacement field: three channels. The comment says which way it leads.
+pub(crate) fn field(
+    path: &Path,
+    grid: &Grid,
+    direction: &str,
+    vectors: &mut dyn FnMut(&mut dyn Write) -> Result<(), Error>,
+) -> Result<Written, Error> {
+    replace(path, |to| {
+        let header = header(grid, VoxelType::F32);
+        let channels = format!("Comment = {direction} mm LPS\nElementNumberOfChannels = 3\n");
+        put(to, path, format!("{header}{channels}ElementDataFile = LOCAL\n").as_bytes())?;
+        vectors(to)
+    })
 }
 
 fn header(grid: &Grid, voxel_type: VoxelType) -> String {
