@@ -23,7 +23,7 @@ pub(crate) const AWAY: f64 = 3.0;
 /// Why a handle isn't where it was put.
 const VERTEX: &str = "A handle takes the surface's nearest vertex. A finer surface, by a lower level, has one that is closer; so has a surface that was found elsewhere (below)";
 /// How far a handle goes.
-const MOVED: &str = "How far the handle takes its vertex; left and right are the patient's. What lies about it may go further where springs push it aside: the largest motion stands below the pictures";
+const MOVED: &str = "How far the handle takes its vertex; left and right are the patient's. What lies about it may go further: the largest motion stands below the pictures";
 /// Why voxels go less far.
 const BEHIND: &str = "Further on voxels would fold over one another, so they are kept back. A larger radius, a smaller move, or voxels that follow smoothest come closer";
 /// Where a move goes, along each axis of the patient and against it; ...

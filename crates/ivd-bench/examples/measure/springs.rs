@@ -38,6 +38,7 @@ pub(crate) fn run(words: &[String]) -> Anything<()> {
             dt: Some(1.0 / 240.0),
             ramp: Some(0.2),
             course: LoadRamp::Linear,
+            push: Some(true),
             ..Springs::default()
         },
         ..Params::default()

@@ -96,8 +96,6 @@ const LOOSE: f64 = 1e-5;
 const CLOSE: f64 = 0.05;
 /// Smallest part of the way that is gone at once.
 const SMALLEST: f64 = 1.0 / 16.0;
-/// The sum of motions over that of their lengths from which on they go one way.
-const ONE_WAY: f64 = 0.95;
 /// How far a voxel may move, relative to the largest motion of what is followed.
 const OVERSHOOT: f64 = 1.02;
 
@@ -341,15 +339,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         let grid = self.lattice.grid();
         let places = Places::new(&cells, grid, region, voxels, &self.constrains);
         System::new(cells, grid, places, tension)
-    }
-
-    /// Whether what is to be followed goes one way, so that nothing has a reason to go further; beyond a part that turns space turns further.
-    fn goes_one_way(&self, motions: &[Vector3<f64>]) -> bool {
-        let followed = motions.iter().zip(&self.constrains).filter(|(_, constrains)| **constrains);
-        let (sum, lengths) = followed.fold((Vector3::zeros(), 0.0), |(sum, lengths), (motion, _)| {
-            (sum + motion, lengths + motion.norm())
-        });
-        sum.norm() >= ONE_WAY * lengths
     }
 
     /// Largest motion (mm) of what is to be followed.

@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 use ivd_core::{Exec, Lattice};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::super::outcome::misfit as misfit_of;
 use super::matrix::Triple;
@@ -16,6 +16,12 @@ use crate::Error;
 /// Weights of a membrane's energy beside the bending, in units of their diagonals.
 const TENSIONS: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
 
+/// The sum of motions over that of their lengths from which on they go one way, ...
+const ONE_WAY: f64 = 0.95;
+/// ... or do by and large, ...
+const MOSTLY_ONE_WAY: f64 = 0.5;
+/// ... where a turn of them all makes less than this share.
+const TURNED: f64 = 0.1;
 /// Nodes are ruled out that go beyond the bound by this many times what the last iteration has changed of how far they go, ...
 const CHANGES: f64 = 4.0;
 /// ... and by this many times the residual of their equations, ...
@@ -65,6 +71,41 @@ impl Deref for Equations<'_> {
 }
 
 impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
+    /// Whether what is to be followed goes one way, so that nothing has a reason to go further: all of it nearly, or by and large and not as a
+    /// whole that is turned, as a dent does with its rim. Beyond a part that turns space turns further.
+    pub(super) fn goes_one_way(&self, motions: &[Vector3<f64>]) -> bool {
+        let followed = motions.iter().zip(&self.constrains).filter(|(_, constrains)| **constrains);
+        let (sum, lengths) = followed.fold((Vector3::zeros(), 0.0), |(sum, lengths), (motion, _)| {
+            (sum + motion, lengths + motion.norm())
+        });
+        let share = sum.norm() / lengths;
+        lengths == 0.0 || share >= ONE_WAY || share >= MOSTLY_ONE_WAY && self.turned(motions) < TURNED
+    }
+
+    /// The share of the motions, squared and weighed by how far they go, that a turn of all together makes.
+    fn turned(&self, motions: &[Vector3<f64>]) -> f64 {
+        let all = self.positions.iter().zip(motions).zip(&self.constrains);
+        let followed = all.filter(|((_, motion), constrains)| **constrains && **motion != Vector3::zeros());
+        let followed = followed.map(|((at, motion), _)| (motion.norm(), at, motion));
+        let (weight, at, motion) = followed.clone().fold(
+            (0.0, Vector3::zeros(), Vector3::zeros()),
+            |(sum, ats, motions), (weight, at, motion)| {
+                (sum + weight, ats + at * weight, motions + motion * weight)
+            },
+        );
+        let (centre, mean) = (at / weight, motion / weight);
+        let (mut inertia, mut momentum, mut whole) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+        for (weight, at, motion) in followed {
+            let arm = at - centre;
+            inertia += (Matrix3::identity() * arm.norm_squared() - arm * arm.transpose()) * weight;
+            momentum += arm.cross(&(motion - mean)) * weight;
+            whole += motion.norm_squared() * weight;
+        }
+        // Along a line there is nothing to be turned.
+        let turn = inertia.cholesky().map(|inertia| inertia.solve(&momentum));
+        turn.map_or(0.0, |turn| turn.dot(&momentum) / whole)
+    }
+
     /// The field of a step, or where voxels go further in it than `most` (mm), that of the least tension under which they don't.
     ///
     /// - `kept`: equations under the first tensions, for these vertices and this region.
@@ -191,4 +232,65 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
 /// A job under one of the tensions.
 fn under<'a>(job: &Job<'a>, i: usize) -> Job<'a> {
     Job { tension: TENSIONS[i], ..*job }
+}
+
+#[cfg(test)]
+mod tests {
+    use ivd_core::{Exec, Grid};
+    use ivd_field::fixtures::{middle, voxels};
+    use nalgebra::{Rotation3, Vector3};
+
+    use super::super::tests::{bar, radial, shear, smooth, twist};
+    use super::*;
+    use crate::Outside;
+    use crate::tests::{Scene, ball, scene};
+
+    /// What springs make of a press on a shell: a dent deeper than wide, whose rim gives way to all sides.
+    fn dent(top: Vector3<f64>) -> impl Fn(Vector3<f64>) -> Vector3<f64> {
+        move |p| {
+            let (aside, width) = ((p - top).component_mul(&Vector3::new(1.0, 1.0, 0.0)), 4.5);
+            let share = (-0.5 * (p - top).norm_squared() / (width * width)).exp();
+            aside * (0.3 * share) - Vector3::new(0.0, 0.0, 2.5 * share)
+        }
+    }
+
+    #[test]
+    fn a_dent_whose_rim_gives_way_is_held_as_far_as_the_lattice_is_followed() {
+        let grid = Grid::with_spacing([40; 3], [1.0; 3]).unwrap();
+        let centre = middle(&grid);
+        let top = centre + Vector3::z() * 11.0;
+        let scene = scene(&grid, ball(centre, 11.0), dent(top), &[(top, 14.0)]);
+        let motions = scene.motions();
+        let longest = motions.iter().map(Vector3::norm).fold(0.0, f64::max);
+        let sum: Vector3<f64> = motions.iter().sum();
+        let lengths: f64 = motions.iter().map(Vector3::norm).sum();
+        assert!(sum.norm() < 0.9 * lengths, "it goes one way");
+        let mut map = Biharmonic::new(&scene.lattice, Outside::Band, &Exec::default()).unwrap();
+        let mapped = map.drag(&scene.motion, 0, &smooth(), &Exec::default()).unwrap();
+        assert!(!map.kept[0].tense.is_empty(), "it goes no further without tension");
+        let most = voxels(&grid)
+            .map(|v| Vector3::from(mapped.displacement.forward().at(v)).map(f64::from).norm())
+            .fold(0.0, f64::max);
+        assert!(most <= 1.15 * longest, "{most} mm for {longest}");
+    }
+
+    #[test]
+    fn what_turns_is_told_from_what_goes_one_way() {
+        let goes_one_way = |scene: &Scene| {
+            let mut map = Biharmonic::new(&scene.lattice, Outside::Band, &Exec::default()).unwrap();
+            map.take_roles(&scene.motion);
+            map.goes_one_way(&scene.motions())
+        };
+        // About an axis within it.
+        let axis = Vector3::z() * 6.0;
+        let hinge = |p: Vector3<f64>| Rotation3::new(Vector3::x() * 0.3) * (p - axis) - (p - axis);
+        let fades = |p: Vector3<f64>| twist(p) * (-p.norm_squared() / 100.0).exp();
+        for scene in [bar(twist), bar(fades), bar(shear), bar(radial), bar(hinge)] {
+            assert!(!goes_one_way(&scene));
+        }
+        let top = Vector3::z() * 16.0;
+        for scene in [bar(dent(top)), bar(|_| Vector3::x()), bar(|_| Vector3::zeros())] {
+            assert!(goes_one_way(&scene));
+        }
+    }
 }

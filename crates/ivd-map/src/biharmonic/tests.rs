@@ -27,7 +27,7 @@ impl Scene {
     }
 }
 
-fn smooth() -> BiharmonicParams {
+pub(super) fn smooth() -> BiharmonicParams {
     BiharmonicParams::default()
 }
 
@@ -218,7 +218,7 @@ fn iterations_hardly_grow_with_the_region() {
 }
 
 /// A bar along z, 8 × 8 voxels thick, and a motion of all of it.
-fn bar(motion: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Scene {
+pub(super) fn bar(motion: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Scene {
     let grid = Grid::with_spacing([64, 64, 64], [1.0; 3]).unwrap();
     let centre = middle(&grid);
     let level = move |p: Vector3<f64>| {
@@ -228,15 +228,15 @@ fn bar(motion: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Scene {
     scene(&grid, level, move |p| motion(p - centre), &[(centre, 22.0)])
 }
 
-fn twist(p: Vector3<f64>) -> Vector3<f64> {
+pub(super) fn twist(p: Vector3<f64>) -> Vector3<f64> {
     Rotation3::new(Vector3::new(0.0, 0.0, 0.03 * p.z)) * p - p
 }
 
-fn shear(p: Vector3<f64>) -> Vector3<f64> {
+pub(super) fn shear(p: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(2.0 * (p.z / 10.0).tanh(), 0.0, 0.0)
 }
 
-fn radial(p: Vector3<f64>) -> Vector3<f64> {
+pub(super) fn radial(p: Vector3<f64>) -> Vector3<f64> {
     p * (0.2 * (-p.norm_squared() / 200.0).exp())
 }
 

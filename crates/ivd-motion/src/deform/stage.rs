@@ -38,7 +38,7 @@ slots! {
 }
 
 /// Raised for all methods together: shapes go on from what any of them gives.
-const REVISION: u32 = 9;
+const REVISION: u32 = 10;
 
 /// Why there is nothing to do.
 const STILL: &str = "the scene has no handle, no bone and no shape";

@@ -123,7 +123,7 @@ impl Body {
             .zip(&material)
             .map(|(&(sum, n), own)| params.springs.ground * if n > 0.0 { sum / n } else { own.alone(params) })
             .collect();
-        let law = Law { push: params.springs.push, limit: params.springs.strain_limit };
+        let law = Law { push: params.springs.push.unwrap_or(true), limit: params.springs.strain_limit };
         let outside = |v: u32| v as usize >= loose && !region.fixed[vertices[v as usize] as usize];
         let on_bone = |v: u32| region.carried[vertices[v as usize] as usize];
         let rest: Vec<[f64; 3]> = vertices.iter().map(|&v| rest[v as usize].into()).collect();
@@ -141,6 +141,12 @@ impl Body {
             rest,
             vertices,
         })
+    }
+
+    /// Whether springs push from now on.
+    pub(super) fn pushes(&mut self, push: bool) {
+        self.law.push = push;
+        self.springs.obey(self.law);
     }
 
     /// The loose vertex of a lattice's vertex.

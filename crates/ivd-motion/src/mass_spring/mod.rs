@@ -255,6 +255,8 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Prepared<L> {
                 return Err(lies_on_rigid(handle));
             }
             self.skeleton.drive(&self.rest, &aimed(handles, &targets))?;
+            let bones_move = (0..self.skeleton.bones().len()).any(|bone| self.skeleton.moves(bone));
+            self.body.pushes(self.params.springs.pushes(handles, bones_move));
             let drives =
                 Drives::new(&self.body, handles, &targets, &self.fixed, &self.skeleton, &self.params)?;
             let outcome = match self.params.solver {

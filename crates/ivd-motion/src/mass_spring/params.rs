@@ -6,6 +6,8 @@ use ivd_elastic::Tissue;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::handles::{Action, Handle};
+
 /// How the equations of motion or of balance are solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -83,8 +85,10 @@ pub struct Springs {
     /// Stiffness of the spring that ties a vertex to its place, as a fraction of its structural springs' mean.
     #[schemars(range(min = 0.0, max = 1e6), extend("x-unit" = "1"))]
     pub ground: f64,
-    /// Whether springs push when they are shorter than at rest.
-    pub push: bool,
+    /// Whether springs push when they are shorter than at rest. Default: where a handle pulls with a force, which they bear, and where bones move. Where
+    /// handles alone move vertices, a sheet that is pressed gives way as skin does in folds; springs that push would buckle, and throw what lies about the
+    /// handle aside.
+    pub push: Option<bool>,
     /// Strain beyond which a hundredfold stiffness more pulls. Without it there is no such limit.
     #[schemars(range(min = 0.0, max = 1e3), extend("x-unit" = "1"))]
     pub strain_limit: Option<f64>,
@@ -129,7 +133,7 @@ impl Default for Springs {
             shear: 0.5,
             flexion: 0.5,
             ground: 0.0,
-            push: true,
+            push: None,
             strain_limit: None,
             density: 1e-3,
             vertex_mass: None,
@@ -209,6 +213,12 @@ impl Springs {
             }
         }
         Ok(())
+    }
+
+    /// Whether springs push, with such handles.
+    pub(super) fn pushes(&self, handles: &[Handle], bones_move: bool) -> bool {
+        let bears = |handle: &Handle| matches!(handle.action, Action::Force(_));
+        self.push.unwrap_or_else(|| bones_move || handles.iter().any(bears))
     }
 
     /// Fraction of their motion or force that handles have reached at a time (s).

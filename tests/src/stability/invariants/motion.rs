@@ -201,7 +201,9 @@ fn balanced(
     // One frame, one residual.
     let named = asked.handles.iter().all(|h| vertex(&h.at).is_some());
     if params.springs.frames == 1 && params.springs.grip == Some(0.0) && named && whole {
-        let (unbalanced, put_in) = plain.relative(asked, found);
+        let (unbalanced, put_in, most_put_in) = plain.relative(asked, found);
+        // Of slack springs nothing may be left of what was put in at first, of which a millionth counts.
+        let put_in = put_in.max(1e-6 * most_put_in);
         let rounding = 64.0 * EPS * plain.rounding_mn;
         let most = found.residual * put_in * (1.0 + 1e-6) + rounding;
         hold!(
@@ -217,6 +219,8 @@ fn balanced(
 struct Plain {
     /// Force of springs and ground on each vertex (mN).
     force: Vec<Vector3<f64>>,
+    /// Most that they resist each vertex with before any other gives way (mN).
+    first: Vec<f64>,
     /// Energy in them (nJ).
     energy: f64,
     /// What a rounding of places is multiplied with: in energies (nJ) and in forces (mN).
@@ -239,6 +243,12 @@ impl Plain {
         };
         let origin = Vector3::from(asked.lattice.grid().origin());
         let targets: Vec<usize> = asked.handles.iter().filter_map(|h| vertex(&h.at)).collect();
+        let moves = |bone: &BoneSpec| !matches!(bone.drive, Drive::Prescribed(turn) if turn.is_none());
+        let pulls = |handle: &Handle| matches!(handle.action, Action::Force(_));
+        let push = params
+            .springs
+            .push
+            .unwrap_or_else(|| asked.bones.iter().any(moves) || asked.handles.iter().any(pulls));
         let balls: Vec<_> =
             motion.reach().iter().map(|b| (Vector3::from(b.centre) - origin, b.radius)).collect();
         // An edge is seen with the triangles at the reach alone: with those beyond it may have more than two.
@@ -249,6 +259,8 @@ impl Plain {
             balls.iter().any(within) || targets.contains(&(v as usize)) || carried
         };
         let mut force = vec![Vector3::zeros(); rest.len()];
+        let mut first = vec![0.0; rest.len()];
+        let limited = if params.springs.strain_limit.is_some() { 101.0 } else { 1.0 };
         let mut structural = vec![(0.0, 0.0); rest.len()];
         let (mut energy, mut rounding_nj, mut rounding_mn) = (0.0, 0.0, 0.0_f64);
         let mut close = vec![false; rest.len()];
@@ -275,13 +287,15 @@ impl Plain {
             let far = Vector3::from(u[a]).norm().max(Vector3::from(u[b]).norm());
             // Beyond the limit a hundredfold stiffness comes on top.
             let over = params.springs.strain_limit.map_or(0.0, |limit| (stretch - limit * short).max(0.0));
-            let tension =
-                if stretch < 0.0 && !params.springs.push { 0.0 } else { k * (stretch + 100.0 * over) };
-            let own = if stretch < 0.0 && !params.springs.push {
+            let tension = if stretch < 0.0 && !push { 0.0 } else { k * (stretch + 100.0 * over) };
+            let own = if stretch < 0.0 && !push {
                 0.0
             } else {
                 0.5 * k * (stretch * stretch + 100.0 * over * over)
             };
+            for v in [a, b] {
+                first[v] += limited * k * Vector3::from(u[v]).norm();
+            }
             energy += 1e3 * own;
             rounding_nj +=
                 1e3 * tension.abs() * (long + short) + 1e5 * k * EPS * (long + short + far).powi(2);
@@ -302,18 +316,21 @@ impl Plain {
                 rounding_nj += 1e3 * ground * u.norm_squared();
             }
         }
-        Self { force, energy, rounding_nj, rounding_mn }
+        Self { force, first, energy, rounding_nj, rounding_mn }
     }
 
-    /// Length of the list of forces that nothing stands against, and of those that handles put in (mN).
-    fn relative(&self, asked: &Asked<'_>, found: &mass_spring::MassSpringResult) -> (f64, f64) {
+    /// Length of the list of forces that nothing stands against, of those that handles put in, and of the most that they may have put in at first (mN).
+    fn relative(&self, asked: &Asked<'_>, found: &mass_spring::MassSpringResult) -> (f64, f64, f64) {
         let u = &found.motion.frames()[0].displacement;
         let targets: BTreeMap<usize, Action> =
             asked.handles.iter().filter_map(|h| Some((vertex(&h.at)?, h.action))).collect();
-        let (mut unbalanced, mut put_in) = (0.0, 0.0);
+        let (mut unbalanced, mut put_in, mut most_put_in) = (0.0, 0.0, 0.0);
         for (v, force) in self.force.iter().enumerate() {
             match targets.get(&v) {
-                Some(Action::Move(_)) => put_in += force.norm_squared(),
+                Some(Action::Move(_)) => {
+                    put_in += force.norm_squared();
+                    most_put_in += self.first[v].powi(2);
+                }
                 None if asked.bone(v).is_some() => put_in += force.norm_squared(),
                 // What doesn't move may be held, by a fix or as out of reach.
                 _ if u[v] == [0.0; 3] => {}
@@ -325,7 +342,7 @@ impl Plain {
                 None => unbalanced += force.norm_squared(),
             }
         }
-        (f64::sqrt(unbalanced), f64::sqrt(put_in))
+        (f64::sqrt(unbalanced), f64::sqrt(put_in), f64::sqrt(most_put_in))
     }
 }
 

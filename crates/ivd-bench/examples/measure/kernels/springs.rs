@@ -48,6 +48,7 @@ fn explicit(kernels: &Kernels<'_>) -> Anything<()> {
                 drag: 2.0,
                 duration: f64::from(STEPS) / 240.0,
                 dt: Some(1.0 / 240.0),
+                push: Some(true),
                 ..Springs::default()
             },
             ..Params::default()
@@ -73,7 +74,7 @@ fn drag(kernels: &Kernels<'_>) -> Anything<()> {
     {
         let params = Params {
             solver: Solver::Projective,
-            springs: Springs { push: false, ..Springs::default() },
+            springs: Springs { push: Some(false), ..Springs::default() },
             descent: Descent { history, ..Descent::default() },
             ..Params::default()
         };
@@ -93,7 +94,7 @@ fn drag(kernels: &Kernels<'_>) -> Anything<()> {
     for solver in [Solver::Projective, Solver::Xpbd] {
         let params = Params {
             solver,
-            springs: Springs { duration: 0.01, dt: Some(1e-3), ..Springs::default() },
+            springs: Springs { duration: 0.01, dt: Some(1e-3), push: Some(true), ..Springs::default() },
             closeness: Closeness { tolerance: 1e-2, max_iterations: 100 },
             descent: Descent { inertia: solver == Solver::Projective, ..Descent::default() },
         };

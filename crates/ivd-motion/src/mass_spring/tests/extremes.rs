@@ -56,7 +56,7 @@ fn mirrored_handles_give_mirrored_motion() {
             continue;
         }
         let params = Params {
-            springs: Springs { push: false, ..params.springs },
+            springs: Springs { push: Some(false), ..params.springs },
             closeness: Closeness { tolerance: 1e-10, max_iterations: 20_000 },
             ..params
         };

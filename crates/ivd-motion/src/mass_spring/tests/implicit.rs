@@ -244,7 +244,8 @@ fn the_descent_ends_where_newtons_method_does() {
     let handles = [pull, vec![moved(61, [0.3, -0.4, 2.0], 4.8)]];
     for handles in handles {
         // Springs that only pull have one balance; those that push may buckle on the way to theirs.
-        let params = Params { springs: Springs { push: false, ..params.springs.clone() }, ..params.clone() };
+        let params =
+            Params { springs: Springs { push: Some(false), ..params.springs.clone() }, ..params.clone() };
         let solved = run(&lattice, &handles, &[], &params).unwrap();
         assert!(solved.residual <= 1e-8, "{} after {}", solved.residual, solved.iterations);
         let body = body(&lattice, &handles, &[], &params);
@@ -314,7 +315,8 @@ fn statics_of_two_masses_and_of_a_chain_are_analytic() {
 fn stiffness_lessens_motion_under_a_force_and_cancels_under_a_motion() {
     let lattice = sheet(11);
     let height = |stiffness, handle| {
-        let params = Params { springs: Springs { stiffness, push: false, ..statics().springs }, ..statics() };
+        let params =
+            Params { springs: Springs { stiffness, push: Some(false), ..statics().springs }, ..statics() };
         let solved = run(&lattice, &[handle], &[], &params).unwrap();
         assert!(solved.residual < 1e-8, "{} at {stiffness}", solved.residual);
         last(&solved).to_vec()
@@ -400,7 +402,7 @@ fn what_is_pulled_against_nothing_has_no_balance_and_what_is_moved_goes_as_it_is
 #[test]
 fn a_handle_that_goes_on_ends_where_it_would_have_gone_at_once() {
     let lattice = sheet(13);
-    let params = Params { springs: Springs { push: false, ..statics().springs }, ..statics() };
+    let params = Params { springs: Springs { push: Some(false), ..statics().springs }, ..statics() };
     let by = |z: f64| moved(84, [0.1 * z, 0.0, z], 5.5);
     let mut prepared = Prepared::new(&lattice, None, &[by(0.0)], &[], &params, &Exec::default()).unwrap();
     let mut iterations = 0;

@@ -13,7 +13,8 @@ mod sums;
 
 /// Parameters with these springs, all else by default, but that a handle grips its vertex alone: what oracles say is of single vertices.
 fn with_springs(springs: Springs) -> Params {
-    Params { springs: Springs { grip: springs.grip.or(Some(0.0)), ..springs }, ..Params::default() }
+    let springs = Springs { grip: springs.grip.or(Some(0.0)), push: springs.push.or(Some(true)), ..springs };
+    Params { springs, ..Params::default() }
 }
 
 /// Vertices 1 mm apart on the layer z = 0.5, `width` by `height`, in these triangles.

@@ -19,7 +19,12 @@ fn settings() -> [Params; 4] {
     let projective = Params { solver: Solver::Projective, ..Params::default() };
     [
         with_springs(Springs { duration: 0.05, ..Springs::default() }),
-        with_springs(Springs { push: false, strain_limit: Some(0.1), duration: 0.05, ..Springs::default() }),
+        with_springs(Springs {
+            push: Some(false),
+            strain_limit: Some(0.1),
+            duration: 0.05,
+            ..Springs::default()
+        }),
         Params {
             springs: Springs { duration: 0.05, ..projective.springs.clone() },
             descent: Descent { inertia: true, ..projective.descent },
