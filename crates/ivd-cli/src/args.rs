@@ -183,7 +183,7 @@ pub(crate) enum Command {
         #[arg(long)]
         lattice: Option<PathBuf>,
         /// Of a motion with --lattice: frame N, counted from 0, or all, each in a file with its number (name_0000.ply …). A mesh as that
-        /// frame has it; in nrrd, nii and nii.gz the displacement of the voxels, mapped with its defaults and certified. Of an image of a turntable: the picture.
+        /// frame has it; in nrrd, nii, nii.gz and mha the displacement of the voxels, mapped with its defaults and certified. Of an image of a turntable: the picture.
         #[arg(long, value_name = "N|all", value_parser = parse::frames)]
         frame: Option<Frames>,
         /// Of a displacement: forward (rest to deformed) or inverse (deformed to rest, what resamplers want; the default).

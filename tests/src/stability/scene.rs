@@ -202,7 +202,7 @@ fn springs(random: &mut Seeded, stiffness: f64) -> mass_spring::Params {
             shear: random.pick(&[0.5, 0.5, 0.0, 2.0]),
             flexion: random.pick(&[0.5, 0.5, 0.0, 2.0]),
             ground: random.pick(&[0.0, 0.0, 1e-3, 1.0, 100.0]),
-            push: Some(!random.one_in(4)),
+            push: random.pick(&[None, Some(true), Some(true), Some(false)]),
             strain_limit: random.pick(&[None, None, Some(0.0), Some(0.3)]),
             density: wide(random, 1e-3, 1e-9, 1e3),
             drag: random.pick(&[100.0, 100.0, 0.0, 1e4]),

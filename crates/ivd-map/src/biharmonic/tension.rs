@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dent_whose_rim_gives_way_is_held_as_far_as_the_lattice_is_followed() {
+    fn a_dent_whose_rim_gives_way_is_held_back_by_a_tension() {
         let grid = Grid::with_spacing([40; 3], [1.0; 3]).unwrap();
         let centre = middle(&grid);
         let top = centre + Vector3::z() * 11.0;

@@ -140,7 +140,7 @@ pub struct SpringFigures {
     /// Sum of the sizes of the forces by which vertices outside the reach hold the others.
     #[schemars(extend("x-unit" = "mN"))]
     pub truncation_mn: f64,
-    /// The same over the sum of the sizes of the handles' and the bones' forces; far below 1 where the reach is large enough.
+    /// The same over the sum of the sizes of the handles' and the bones' forces; far below 1 where the reach is large enough, and 0 where no spring is stretched.
     #[schemars(extend("x-unit" = "1"))]
     pub truncation: f64,
     /// What bones have done, as they were declared.

@@ -13,7 +13,7 @@
 //! thickness `t` (mm) it is `E t Σ area / L²` over the triangles beside (Van Gelder 1998, for a membrane), with
 //! `Σ area / L²` between 0.01 and 100. Between two materials a spring is two halves in a row: `2 K₁ K₂ / (K₁ + K₂)`.
 //!
-//! Springs pull and, where `push`, push by Hooke's law. Beyond the strain limit a hundredfold stiffness more pulls, which
+//! Springs pull and, where [`Springs::push`] says so or a force or a bone asks for it, push by Hooke's law. Beyond the strain limit a hundredfold stiffness more pulls, which
 //! stands for Provot's correction of positions and has an energy. Drag takes `γ` of every velocity a second; ground springs
 //! tie vertices to their places. Momentum is kept where there is neither, and nothing is held.
 //!
@@ -24,7 +24,8 @@
 //! far from balance it is. [`Solver::Projective`] finds the balance of forces at each frame, or with `inertia` steps through
 //! time by implicit Euler; [`Solver::Xpbd`] does the latter. Their steps never raise the objective (`Xpbd`'s may) and end at
 //! the relative gradient asked for, or after the most iterations: `residual` says where. A balance need not be the only one:
-//! springs that push can buckle.
+//! springs that push can buckle, and those that don't are slack where they are shorter than at rest: nothing says where within that their ends lie, and
+//! they bear no force, so that forces and `truncation` may be 0.
 //!
 //! **Bones** ([`crate::rigid`]) hold their vertices at places that move rigidly. [`with_bones`] takes them.
 //!

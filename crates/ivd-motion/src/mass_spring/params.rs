@@ -87,7 +87,7 @@ pub struct Springs {
     pub ground: f64,
     /// Whether springs push when they are shorter than at rest. Default: where a handle pulls with a force, which they bear, and where bones move. Where
     /// handles alone move vertices, a sheet that is pressed gives way as skin does in folds; springs that push would buckle, and throw what lies about the
-    /// handle aside.
+    /// handle aside. One force or bone decides for the whole lattice.
     pub push: Option<bool>,
     /// Strain beyond which a hundredfold stiffness more pulls. Without it there is no such limit.
     #[schemars(range(min = 0.0, max = 1e3), extend("x-unit" = "1"))]

@@ -106,8 +106,8 @@ fn is_lettered(records: &[StageRecord]) -> bool {
 fn lettered_by(asked: &InputSection, is_known: bool) -> String {
     match (is_known, asked.axes, &asked.grid_of) {
         (false, ..) => "no".to_owned(),
-        (true, Some(axes), _) => format!("yes: the scene says it, axes = {axes}"),
-        (true, None, Some(_)) => "yes: the file of grid_of says it".to_owned(),
+        (true, Some(axes), _) => format!("yes, by axes = {axes} of the scene"),
+        (true, None, Some(_)) => "yes, by the file of grid_of".to_owned(),
         (true, None, None) => "yes".to_owned(),
     }
 }

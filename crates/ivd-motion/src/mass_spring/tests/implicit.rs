@@ -243,7 +243,7 @@ fn the_descent_ends_where_newtons_method_does() {
     let (lattice, pull, params) = tent();
     let handles = [pull, vec![moved(61, [0.3, -0.4, 2.0], 4.8)]];
     for handles in handles {
-        // Springs that only pull have one balance; those that push may buckle on the way to theirs.
+        // Springs that only pull, and are stretched, have one balance; those that push may buckle on the way to theirs.
         let params =
             Params { springs: Springs { push: Some(false), ..params.springs.clone() }, ..params.clone() };
         let solved = run(&lattice, &handles, &[], &params).unwrap();
@@ -255,6 +255,23 @@ fn the_descent_ends_where_newtons_method_does() {
             let error = (Vector3::from(last(&solved)[v as usize]) - Vector3::from(*exact)).norm();
             assert!(error < 1e-5 * far, "vertex {v}: {error} of {far}");
         }
+    }
+}
+
+#[test]
+fn springs_push_for_forces_and_not_for_moves_and_a_kept_body_knows_which() {
+    let (lattice, pull, params) = tent();
+    let shift = vec![moved(61, [1.0, 0.4, 0.5], 4.8)];
+    let with = |push| Params { springs: Springs { push, ..params.springs.clone() }, ..params.clone() };
+    let found = |push, handles: &[Handle]| run(&lattice, handles, &[], &with(push)).unwrap().motion;
+    assert_eq!(found(None, &shift), found(Some(false), &shift));
+    assert_ne!(found(None, &shift), found(Some(true), &shift));
+    assert_eq!(found(None, &pull), found(Some(true), &pull));
+    let exec = Exec::default();
+    let mut kept = Prepared::new(&lattice, None, &shift, &[], &with(None), &exec).unwrap();
+    for handles in [&shift, &pull, &shift] {
+        kept.forget();
+        assert_eq!(kept.update(handles, &exec).unwrap().motion, found(None, handles));
     }
 }
 
