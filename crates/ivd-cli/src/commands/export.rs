@@ -6,6 +6,7 @@ use ivd_artefact::Artefact;
 use ivd_core::Image;
 use ivd_io::Space;
 use ivd_io::volume::FieldDirection;
+use ivd_pipeline::resource::MemoryWatch;
 use ivd_pipeline::{
     ExportOptions, FIELD_ENDINGS, Input, Metrics, Runner, ending, export_with, frame_file, map_frame,
 };
@@ -33,6 +34,7 @@ pub(super) fn export(
     context: &Context,
 ) -> anyhow::Result<()> {
     let Choice { level, lattice, frame, direction, space } = *choice;
+    let memory = MemoryWatch::start();
     let mut input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
     if let Some(level) = level {
         let Artefact::Lattice(lattice) = &*input.artefact else {
@@ -89,16 +91,29 @@ pub(super) fn export(
     let options = ExportOptions { lattice: moved, direction, space, frame: None };
     if let Some(frame) = frame {
         if let (Artefact::Image(image), None) = (&*input.artefact, lattice) {
-            return pictures(image, &input, frame, output, context);
+            let written = pictures(image, &input, frame, output, context)?;
+            return print(&input, ("outputs", written.into()), memory, context);
         }
-        return frames(&input, moved_input.as_ref(), frame, output, &options, context);
+        let written = frames(&input, moved_input.as_ref(), frame, output, &options, context)?;
+        return print(&input, ("outputs", written.into()), memory, context);
     }
     let written = export_with(&input.artefact, output, &options, &context.exec)?;
-    let object = serde_json::json!({
-        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
-        "output": { "path": output, "written": written },
-    });
     context.say(&format!("{}{}", output.display(), if written { "" } else { ": unchanged" }));
+    print(&input, ("output", json!({ "path": output, "written": written })), memory, context)
+}
+
+/// Prints what was written, and what memory that took.
+fn print(
+    input: &Input,
+    (name, written): (&str, Value),
+    memory: MemoryWatch,
+    context: &Context,
+) -> anyhow::Result<()> {
+    let peak = memory.stop();
+    let object = json!({
+        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(), name: written,
+        "peak_rss_mb": peak.map(|peak| peak.resident), "peak_own_mb": peak.map(|peak| peak.own),
+    });
     context.print(&object, String::new)
 }
 
@@ -109,7 +124,7 @@ fn pictures(
     asked: Frames,
     output: &Path,
     context: &Context,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Value>> {
     let mut written = Vec::new();
     for (frame, path) in files(asked, image.frames(), output) {
         let options = ExportOptions { frame: Some(frame), ..ExportOptions::default() };
@@ -117,7 +132,7 @@ fn pictures(
         context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
         written.push(told(frame, &path, touched, None));
     }
-    print_frames(input, &written, context)
+    Ok(written)
 }
 
 /// The frames that are asked for of so many, each with its file.
@@ -128,14 +143,6 @@ fn files(asked: Frames, count: usize, output: &Path) -> Vec<(usize, PathBuf)> {
     }
 }
 
-fn print_frames(input: &Input, written: &[Value], context: &Context) -> anyhow::Result<()> {
-    let object = json!({
-        "command": "export", "input": input.hash.to_string(), "kind": input.artefact.kind().name(),
-        "outputs": written,
-    });
-    context.print(&object, String::new)
-}
-
 /// Writes frames of a motion: of its lattice, or of the voxels that it moves.
 fn frames(
     input: &Input,
@@ -144,7 +151,7 @@ fn frames(
     output: &Path,
     options: &ExportOptions<'_>,
     context: &Context,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Value>> {
     let Artefact::Motion(motion) = &*input.artefact else {
         let kind = input.artefact.kind().name();
         let problem = format!(
@@ -173,7 +180,7 @@ fn frames(
         context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
         written.push(told(frame, &path, touched, figures));
     }
-    print_frames(input, &written, context)
+    Ok(written)
 }
 
 /// What is told of a frame's file.

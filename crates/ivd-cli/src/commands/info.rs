@@ -6,7 +6,7 @@ use ivd_artefact::{Artefact, Cache};
 use ivd_core::{Classified as _, counted};
 use ivd_io::volume::ReadOptions;
 use ivd_io::volume::dicom::{self, Series};
-use ivd_pipeline::describe;
+use ivd_pipeline::{Error, describe};
 use serde_json::{Map, Value, json};
 
 use super::at;
@@ -154,7 +154,13 @@ fn artefact(file: &Path, context: &Context) -> anyhow::Result<Value> {
 
 fn volume(file: &Path, series: Option<String>, context: &Context) -> anyhow::Result<Value> {
     let options = ReadOptions { series, ..ReadOptions::default() };
-    let input = imported(file, options, &Cache::disabled(), context)?;
+    // Nothing is imported: it is told by the file alone.
+    let input =
+        imported(file, options, &Cache::disabled(), context).map_err(|error| match error.downcast() {
+            Ok(Error::Stage { source, class, .. }) => Failure::of(class, source.to_string()),
+            Ok(other) => other.into(),
+            Err(other) => other,
+        })?;
     let content = context.exec.run(|| describe(&input.artefact));
     Ok(json!({ "kind": "volume file", "hash": input.hash.to_string(), "content": content }))
 }
