@@ -90,11 +90,11 @@ pub(super) fn export(
     };
     let options = ExportOptions { lattice: moved, direction, space, frame: None };
     if let Some(frame) = frame {
-        if let (Artefact::Image(image), None) = (&*input.artefact, lattice) {
-            let written = pictures(image, &input, frame, output, context)?;
-            return print(&input, ("outputs", written.into()), memory, context);
-        }
-        let written = frames(&input, moved_input.as_ref(), frame, output, &options, context)?;
+        let written = if let (Artefact::Image(image), None) = (&*input.artefact, lattice) {
+            pictures(image, &input, frame, output, context)?
+        } else {
+            frames(&input, moved_input.as_ref(), frame, output, &options, context)?
+        };
         return print(&input, ("outputs", written.into()), memory, context);
     }
     let written = export_with(&input.artefact, output, &options, &context.exec)?;
