@@ -35,8 +35,6 @@ pub(super) struct Body {
     pub(super) list: Vec<Spring>,
     /// The same, as their forces are summed.
     pub(super) springs: Springs,
-    /// What a spring makes of its length.
-    pub(super) law: Law,
     /// The springs that lead out of the handles' reach.
     pub(super) leading_out: Vec<Spring>,
     /// The vertices that bones carry, ascending; they come after the loose ones.
@@ -137,7 +135,6 @@ impl Body {
             springs: Springs::new(&list, &rest, loose, law),
             leading_out: list.iter().filter(|s| s.ends.iter().any(|&v| outside(v))).copied().collect(),
             list,
-            law,
             rest,
             vertices,
         })
@@ -145,8 +142,7 @@ impl Body {
 
     /// Whether springs push from now on.
     pub(super) fn pushes(&mut self, push: bool) {
-        self.law.push = push;
-        self.springs.obey(self.law);
+        self.springs.obey(Law { push, ..self.springs.law() });
     }
 
     /// The loose vertex of a lattice's vertex.
@@ -156,7 +152,7 @@ impl Body {
 
     /// Bound on the stiffness at each loose vertex (g/s²): Gershgorin's, for the sum of all springs at any strain.
     pub(super) fn stiffness_bound(&self) -> Vec<f64> {
-        let limited = if self.law.limit.is_some() { 1.0 + LIMITED } else { 1.0 };
+        let limited = if self.springs.law().limit.is_some() { 1.0 + LIMITED } else { 1.0 };
         let mut bound = self.ground.clone();
         for spring in &self.list {
             for v in spring.ends.map(|v| v as usize).into_iter().filter(|v| *v < self.loose) {
@@ -213,7 +209,7 @@ impl Body {
         };
         for spring in &self.to_bones {
             let [i, j] = spring.ends.map(|v| v as usize);
-            let on_first = pull(spring, self.law, &self.rest, moved);
+            let on_first = pull(spring, self.springs.law(), &self.rest, moved);
             add(i, on_first);
             add(j, -on_first);
         }
@@ -225,7 +221,7 @@ impl Body {
         let mut force = vec![Vector3::zeros(); self.vertices.len() - self.loose];
         for spring in &self.leading_out {
             let [i, j] = spring.ends.map(|v| v as usize);
-            let on_first = pull(spring, self.law, &self.rest, moved);
+            let on_first = pull(spring, self.springs.law(), &self.rest, moved);
             if j >= self.loose {
                 force[j - self.loose] -= on_first;
             } else {

@@ -82,6 +82,11 @@ impl Springs {
         Self { law, vertices, ends: rest.len(), chunks, avx2: ivd_core::has_avx2() }
     }
 
+    /// What they make of their lengths.
+    pub(super) fn law(&self) -> Law {
+        self.law
+    }
+
     /// What they make of their lengths from now on.
     pub(super) fn obey(&mut self, law: Law) {
         self.law = law;

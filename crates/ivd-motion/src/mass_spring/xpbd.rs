@@ -72,7 +72,7 @@ impl Sweep {
             .map(|(a, moved)| if *moved { 0.0 } else { 1.0 / a })
             .collect();
         softness.resize(body.vertices.len(), 0.0);
-        let limits = if body.law.limit.is_some() { body.list.len() } else { 0 };
+        let limits = if body.springs.law().limit.is_some() { body.list.len() } else { 0 };
         let ground = vec![[0.0; 3]; body.loose];
         Self { softness, spring: vec![0.0; body.list.len()], limit: vec![0.0; limits], ground }
     }
@@ -80,8 +80,8 @@ impl Sweep {
     fn once(&mut self, body: &Body, moved: &mut Vectors) {
         for (s, spring) in body.list.iter().enumerate() {
             let rest = [spring.length, spring.stiffness];
-            correct(spring, rest, !body.law.push, &mut self.spring[s], &self.softness, body, moved);
-            if let Some(limit) = body.law.limit {
+            correct(spring, rest, !body.springs.law().push, &mut self.spring[s], &self.softness, body, moved);
+            if let Some(limit) = body.springs.law().limit {
                 let beyond = [spring.length * (1.0 + limit), LIMITED * spring.stiffness];
                 correct(spring, beyond, true, &mut self.limit[s], &self.softness, body, moved);
             }

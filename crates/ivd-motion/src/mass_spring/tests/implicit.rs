@@ -190,7 +190,7 @@ fn newton(body: &Body, drives: &Drives) -> Vec<[f64; 3]> {
             let at = |v: usize| Vector3::from(body.rest[v]) + Vector3::from(moved[v]);
             let (length, n) = ((at(j) - at(i)).norm(), (at(j) - at(i)).normalize());
             most = most.max(spring.stiffness);
-            if length <= spring.length && !body.law.push {
+            if length <= spring.length && !body.springs.law().push {
                 continue;
             }
             let along = n * n.transpose();
