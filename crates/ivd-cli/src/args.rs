@@ -12,7 +12,7 @@ use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use ivd_io::volume::VoxelAxes;
 use ivd_pipeline::scene::{Override, triple};
 
-use crate::parse;
+use crate::parse::{self, Frames};
 
 pub(crate) use combine::{ClipArgs, CombineArgs};
 pub(crate) use output::{Output, artefact_file, check_artefact_name};
@@ -395,15 +395,6 @@ pub(crate) enum MeshSpace {
     Ras,
     /// To the patient's left, back and head.
     Lps,
-}
-
-/// Which frames of a motion are meant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Frames {
-    /// One, counted from 0.
-    One(usize),
-    /// All.
-    All,
 }
 
 /// Which way a displacement field leads.

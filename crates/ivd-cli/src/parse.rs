@@ -8,7 +8,6 @@ use ivd_pipeline::params::from_toml;
 use ivd_pipeline::scene::{MAX_SCENE_BYTES, read_text_limited, truncate_lines};
 use toml::Table;
 
-use crate::args::Frames;
 use crate::exit::Failure;
 
 /// The flag of a key.
@@ -29,6 +28,15 @@ pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {
 /// `low,high`, two values.
 pub(crate) fn interval(text: &str) -> Result<[f64; 2], String> {
     pair(text).map_err(|_| format!("`{text}`: write two numbers, low,high"))
+}
+
+/// Which frames of a motion are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Frames {
+    /// One, counted from 0.
+    One(usize),
+    /// All.
+    All,
 }
 
 /// `N` or `all`, frames of a motion.

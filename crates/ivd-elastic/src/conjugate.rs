@@ -5,12 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use crate::tangent::Tangent;
-
-/// A value for each axis of space.
-pub type Triple = [f64; 3];
-
-/// Rows, or cells, that one task does: enough to be worth its start, and the unit of sums whose order is fixed.
-pub(crate) const ROWS: usize = 256;
+use crate::vectors::{ROWS, Triple, add, dot};
 
 /// An approximate solution.
 pub(crate) struct Found {
@@ -82,20 +77,4 @@ fn inverse(block: Matrix3<f64>) -> Matrix3<f64> {
         || Matrix3::from_diagonal_element(3.0 / block.trace().abs().max(f64::MIN_POSITIVE)),
         |c| c.inverse(),
     )
-}
-
-/// `x ← x + s y`.
-pub(crate) fn add(x: &mut [Triple], y: &[Triple], s: f64) {
-    x.par_iter_mut().zip(y).with_min_len(ROWS).for_each(|(x, y)| {
-        *x = [x[0] + s * y[0], x[1] + s * y[1], x[2] + s * y[2]];
-    });
-}
-
-/// Sum of products in a fixed order.
-pub(crate) fn dot(a: &[Triple], b: &[Triple]) -> f64 {
-    let part = |(a, b): (&[Triple], &[Triple])| {
-        a.iter().zip(b).map(|(a, b)| a[0] * b[0] + a[1] * b[1] + a[2] * b[2]).sum::<f64>()
-    };
-    let parts: Vec<f64> = a.par_chunks(4 * ROWS).zip(b.par_chunks(4 * ROWS)).map(part).collect();
-    parts.iter().sum()
 }

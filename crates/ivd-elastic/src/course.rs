@@ -6,10 +6,11 @@ use ivd_core::{Error, Exec};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::conjugate::{self, Triple, add};
+use crate::conjugate;
 use crate::newton::Balance;
 use crate::system::Body;
 use crate::tangent::Tangent;
+use crate::vectors::{Triple, add};
 
 /// What is left of the forces on the way, relative to those that cancel.
 const LOOSE: f64 = 0.2;

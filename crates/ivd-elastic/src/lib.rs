@@ -65,13 +65,15 @@ mod tangent;
 mod tests;
 mod tissue;
 mod tree;
+mod vectors;
 
 pub use cells::{Cells, Medium};
-pub use conjugate::Triple;
 pub use course::{Arrival, Course};
-pub use material::{Corners, Hexahedron, Lame, Matter};
+pub use material::{Hexahedron, Lame, Matter};
 pub use mesh::{Mesh, weights};
 pub use newton::Balance;
+pub use slopes::Corners;
 pub use system::{Body, Pull};
 pub use tissue::{FLESH, Tissue};
 pub use tree::Cell;
+pub use vectors::Triple;

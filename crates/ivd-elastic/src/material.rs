@@ -20,7 +20,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::slopes::{CORNERS, GAUSS, Places, Slopes, ZERO};
+use crate::slopes::{CORNERS, Corners, GAUSS, Places, Slopes, ZERO};
 
 /// Lamé's constants (Pa, or in units of a modulus).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -96,8 +96,6 @@ struct Guard {
 
 /// What a cell is made of at its Gauss points.
 pub type Matter = [Lame; 8];
-/// Forces or places at the corners.
-pub type Corners = [[f64; 3]; 8];
 
 /// A corner of a cell at which matter is pressed and resists.
 pub(crate) struct Pressed {

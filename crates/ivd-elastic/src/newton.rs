@@ -2,9 +2,10 @@
 
 use ivd_core::{Error, Exec};
 
-use crate::conjugate::{self, Triple, add, dot};
+use crate::conjugate;
 use crate::system::Body;
 use crate::tangent::Tangent;
+use crate::vectors::{Triple, add, dot};
 
 /// Part of the promised decrease that a step has to make (Armijo).
 const DECREASE: f64 = 1e-4;
@@ -31,6 +32,12 @@ pub struct Balance {
 }
 
 impl Body {
+    /// Bytes that it takes to find its balance.
+    pub fn bytes(&self) -> u64 {
+        // Some dozen vectors of the nodes' values.
+        (self.mesh.cells.len() * Tangent::bytes() + 12 * size_of::<Triple>() * self.mesh.nodes.len()) as u64
+    }
+
     /// Moves the free nodes until the forces that are left are `tolerance` of those that cancel, in at most `limit` steps.
     ///
     /// Before each step of all nodes of a guarded body those whose forces stand out are moved by themselves.

@@ -11,11 +11,11 @@ use ivd_core::{Error, Exec};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use crate::conjugate::Triple;
-use crate::material::Corners;
 use crate::newton::is_less;
+use crate::slopes::Corners;
 use crate::system::{Body, Forces};
 use crate::tangent::Blocks;
+use crate::vectors::Triple;
 
 /// A node stands out by this share of what is left of the forces; those that do, fewer than 400, are moved if they have half of it (of the squares).
 const STANDS_OUT: f64 = 0.05;

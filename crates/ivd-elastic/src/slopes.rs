@@ -2,8 +2,8 @@
 //!
 //! Plain loops, without closures: only these become as wide as the code that they are inlined in.
 
-use crate::material::Corners;
-
+/// Forces or places at the corners.
+pub type Corners = [[f64; 3]; 8];
 /// A number at each of the eight places, x in bit 0, y in bit 1, z in bit 2.
 pub(crate) type Lanes = [f64; 8];
 /// `[component][edge]`: derivatives of a motion along the edges of a cell of size 1.

@@ -3,10 +3,10 @@
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use crate::conjugate::{ROWS, Triple};
-use crate::material::{Corners, Hexahedron, Matter};
+use crate::material::{Hexahedron, Matter};
 use crate::mesh::Mesh;
-use crate::tangent::Tangent;
+use crate::slopes::Corners;
+use crate::vectors::{ROWS, Triple};
 
 /// A place that is to move by `goal`, by a spring and by the force that the spring has been relieved of.
 #[derive(Debug, Clone)]
@@ -115,12 +115,6 @@ impl Body {
 
     pub(crate) fn pulls_of(&self, cell: usize) -> &[Pull] {
         &self.pulls[self.ranges[cell].clone()]
-    }
-
-    /// Bytes that it takes to find its balance.
-    pub fn bytes(&self) -> u64 {
-        // Some dozen vectors of the nodes' values.
-        (self.mesh.cells.len() * Tangent::bytes() + 12 * size_of::<Triple>() * self.mesh.nodes.len()) as u64
     }
 
     /// The energy, and the size of the terms that its rounding comes from; `None` where J ≤ 0 at a Gauss point.

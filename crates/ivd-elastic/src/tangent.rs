@@ -16,10 +16,10 @@ use ivd_core::{Error, Exec, has_avx2};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use crate::conjugate::{ROWS, Triple};
-use crate::material::{Corners, Hexahedron, Matter, inverse_transposed, least_stretch, set};
-use crate::slopes::{CORNERS, GAUSS, Lanes, Places, Slopes, ZERO, turned};
+use crate::material::{Hexahedron, Matter, inverse_transposed, least_stretch, set};
+use crate::slopes::{CORNERS, Corners, GAUSS, Lanes, Places, Slopes, ZERO, turned};
 use crate::system::Body;
+use crate::vectors::{ROWS, Triple};
 
 /// What the second derivative of a body's energy at a motion does.
 pub(crate) struct Tangent<'a> {

@@ -3,13 +3,13 @@
 use ivd_core::Exec;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-use crate::conjugate::Triple;
 use crate::course::Course;
 use crate::material::{Hexahedron, Lame, gauss};
 use crate::mesh::{Mesh, weights};
 use crate::system::{Body, Pull};
 use crate::tangent::Tangent;
 use crate::tree::Tree;
+use crate::vectors::Triple;
 
 mod pressed;
 

@@ -1,13 +1,12 @@
 //! What is told beside the pictures.
 
-use ivd_core::Volume;
+use ivd_core::{Volume, VoxelCoord, World};
 use ivd_field::lies::Lies;
 use ivd_map::DepthWeight;
 use ivd_render::Lens;
 use ivd_session::ClipPart;
 use serde::Serialize;
 
-use crate::planes::value_at;
 use crate::request::MapName;
 use crate::{Compared, Made, Overlay, Pane};
 
@@ -353,4 +352,11 @@ pub(crate) fn letters(lens: &Lens) -> [&'static str; 4] {
         [["L", "R"], ["P", "A"], ["I", "S"]][axis][usize::from(way[axis] > 0.0)]
     };
     [side(right.map(|c| -c)), side(right), side(up), side(up.map(|c| -c))]
+}
+
+/// The value of the voxel nearest to a place (mm, RAS); `None` beside the volume, and where it is no number.
+pub(crate) fn value_at(volume: &Volume, place: [f64; 3]) -> Option<f64> {
+    let VoxelCoord(voxel) = volume.grid().voxel(World(place.into()));
+    let nearest = volume.grid().nearest_voxel(voxel);
+    nearest.map(|voxel| volume.value(voxel)).filter(|value| value.is_finite())
 }

@@ -137,10 +137,3 @@ impl Planes {
         })
     }
 }
-
-/// The value of the voxel nearest to a place (mm, RAS); `None` beside the volume, and where it is no number.
-pub(crate) fn value_at(volume: &Volume, place: [f64; 3]) -> Option<f64> {
-    let VoxelCoord(voxel) = volume.grid().voxel(World(place.into()));
-    let nearest = volume.grid().nearest_voxel(voxel);
-    nearest.map(|voxel| volume.value(voxel)).filter(|value| value.is_finite())
-}

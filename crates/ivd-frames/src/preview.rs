@@ -7,9 +7,9 @@ use ivd_pipeline::scene::WindowSection;
 use ivd_render::{Lens, RenderParams};
 
 use crate::colours::Window;
-use crate::figures::{Hovered, Slice, letters};
+use crate::figures::{Hovered, Slice, letters, value_at};
 use crate::panes::Panes;
-use crate::planes::{Planes, value_at};
+use crate::planes::Planes;
 use crate::{Error, Model, Pane, Picture, Request, Sight};
 
 /// Pixels of the volume's pane until somebody says how large it is.

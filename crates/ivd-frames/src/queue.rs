@@ -5,7 +5,9 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::Request;
-use crate::service::Client;
+
+/// Whoever asks, so that answers find them.
+pub type Client = u64;
 
 /// Requests that wait at most, but for what ends something.
 const MOST: usize = 256;

@@ -13,7 +13,7 @@ use ivd_core::{Cancel, Classified as _, ErrorClass, Exec, Image};
 use crate::log::Lines;
 use crate::opening::{Begun, Tell, Told};
 use crate::preview::{Preview, Scan};
-use crate::queue::{Next, Queue};
+use crate::queue::{Client, Next, Queue};
 use crate::save::File;
 use crate::{Error, Figures, Model, Pane, Request, Saved, Sight};
 
@@ -35,9 +35,6 @@ const MOST_LATER: usize = 256;
 pub const TOO_MUCH: &str = "too much at once: wait for what was asked before";
 /// By how much the sides of a picture are divided at most.
 const COARSEST: usize = 4;
-
-/// Whoever asks, so that answers find them.
-pub type Client = u64;
 
 /// A picture of a pane.
 #[derive(Debug, Clone)]

@@ -115,3 +115,18 @@ impl Gpu {
         Ok(Room { buffer, bytes, count: self.count.clone() })
     }
 }
+
+/// Binds buffers to a pipeline's places.
+pub(crate) fn bind<'a>(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    rooms: impl Iterator<Item = (usize, &'a Room)>,
+) -> Result<wgpu::BindGroup, Error> {
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = rooms
+        .map(|(binding, room)| wgpu::BindGroupEntry {
+            binding: binding as u32,
+            resource: room.buffer.as_entire_binding(),
+        })
+        .collect();
+    gpu.bind(pipeline, &entries)
+}

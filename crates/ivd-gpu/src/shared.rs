@@ -4,10 +4,11 @@ use std::time::Instant;
 
 use ivd_core::{Answer, Voxels};
 
+use crate::cast::kept::State;
 use crate::kept::Kept;
 use crate::pass::Desk;
 use crate::shader::assemble;
-use crate::{Counters, Error, Gpu, cast};
+use crate::{Counters, Error, Gpu};
 
 /// What a buffer of results is used for.
 pub(crate) const RESULT: wgpu::BufferUsages = wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC);
@@ -22,7 +23,7 @@ pub(crate) struct Opened {
     pipelines: HashMap<String, wgpu::ComputePipeline>,
     pub(crate) desk: Desk,
     pub(crate) volume: Option<Kept>,
-    pub(crate) cast: cast::State,
+    pub(crate) cast: State,
 }
 
 impl SharedGpu {
@@ -33,7 +34,7 @@ impl SharedGpu {
             pipelines: HashMap::new(),
             desk: Desk::default(),
             volume: None,
-            cast: cast::State::default(),
+            cast: State::default(),
         })))
     }
 

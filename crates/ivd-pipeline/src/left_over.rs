@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
-use crate::outputs::{Manifest, named};
+use crate::outputs::Manifest;
 use crate::scene::{InputSection, Loaded};
 
 /// A file that an earlier run wrote.
@@ -34,7 +34,7 @@ impl Before {
         let manifest = Manifest::load(out);
         let earlier = manifest.files().filter(|(_, path)| path.starts_with(out));
         let earlier = earlier.map(|(name, path)| (name.to_owned(), path.to_owned()));
-        let wanted = loaded.map(|loaded| named(&loaded.scene)).unwrap_or_default();
+        let wanted = loaded.map(|loaded| loaded.scene.output.named()).unwrap_or_default();
         let wanted = wanted.into_iter().map(|(name, file)| (name, out.join(file)));
         let read: Vec<PathBuf> = loaded.map(read_by).unwrap_or_default();
         let is_read = |path: &Path| path.canonicalize().is_ok_and(|path| read.contains(&path));

@@ -40,10 +40,13 @@ mod describe;
 mod distribution;
 mod error;
 mod export;
+mod frame_file;
 mod frames;
 mod left_over;
 pub mod list;
 mod need;
+mod node;
+mod options;
 mod outputs;
 pub mod params;
 mod pictures;
@@ -66,15 +69,17 @@ pub use export::{
     ExportOptions, FIELD_ENDINGS, check_frame, ending, export, export_with, is_of_another_format,
     labels_volume, mask_volume, write_text,
 };
+pub use frame_file::frame_file;
 pub use frames::map_frame;
 pub use ivd_core::op::Slot;
 pub use left_over::{Before, LeftOver};
+pub use node::run_node;
+pub use options::PipelineOptions;
 pub use outputs::OutputFile;
 pub use pictures::{
     ANIMATION_ENDINGS, PICTURE_ENDINGS, animation_bytes, check_pictures, png_bytes, quick_png_bytes,
 };
-pub use pipeline::{PipelineOptions, PipelineReport, default_out, run, run_controlled, run_node};
+pub use pipeline::{PipelineReport, default_out, run, run_controlled};
 pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, figures_of};
 pub use section::Section;
-pub use series::file_of as frame_file;
 pub use stage::{Facts, Input, Inputs, Metrics, Stage, StageOutput};

@@ -72,9 +72,6 @@ fn lattice(artefact: &Artefact) -> Option<&Lattice> {
     if let Artefact::Lattice(lattice) = artefact { Some(lattice) } else { None }
 }
 
-/// What makes a grid's values of other grids' values and is no stage of the list.
-pub(crate) const OTHERS: Memory = Memory { voxel: 20, reached: 0, triangle: 100 };
-
 /// About how much a stage that takes so much takes beside what is held when it begins (bytes); `None` where nothing is known of its size yet.
 pub(crate) fn about(memory: Memory, size: Size) -> Option<u64> {
     let parts =

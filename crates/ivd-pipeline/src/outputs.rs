@@ -16,12 +16,12 @@ use serde_json::Value;
 use crate::control::Decisions;
 use crate::export::{ExportOptions, ending, export, export_with, whole, write_text};
 use crate::pictures::{is_animation, joined};
-use crate::plan::{NodeId, OF_FRAMES, PlanNode};
+use crate::plan::{NodeId, PlanNode};
 use crate::report::{self, ReportData};
 use crate::resource::MemoryWatch;
 use crate::runner::{Clock, OutputRecord, StageRecord, StageResult, State};
-use crate::scene::{Loaded, Picture, Scene};
-use crate::{Error, Metrics, series};
+use crate::scene::{Loaded, OF_FRAMES, Picture, REPORT, Scene, picture_file};
+use crate::{Error, Metrics, frame_file};
 
 /// Name of the file that remembers what the last run wrote.
 const MANIFEST: &str = ".ivd-run.json";
@@ -105,22 +105,6 @@ fn differing(path: &str, old: &Value, new: &Value, changes: &mut Vec<String>) {
     }
 }
 
-/// Name of the report among the outputs, and its file.
-const REPORT: (&str, &str) = ("report", "report.html");
-
-/// Name of a picture among the outputs, and its file.
-fn picture_file(picture: Picture) -> (String, PathBuf) {
-    (format!("image {}", picture.name()), PathBuf::from(format!("{}.png", picture.name())))
-}
-
-/// The outputs that a scene names, with their files, but for the frames of a series: how many these are shows while it runs.
-pub(crate) fn named(scene: &Scene) -> Vec<(String, PathBuf)> {
-    let files = scene.output.files().into_iter().filter(|(key, _)| !OF_FRAMES.contains(key));
-    let files = files.map(|(key, path)| (key.to_owned(), path.to_owned()));
-    let report = scene.output.report.then(|| (REPORT.0.to_owned(), PathBuf::from(REPORT.1)));
-    files.chain(scene.output.images.iter().copied().map(picture_file)).chain(report).collect()
-}
-
 /// Writes outputs while a scene runs.
 pub(crate) struct Writer<'a> {
     scene: &'a Scene,
@@ -189,7 +173,7 @@ impl<'a> Writer<'a> {
             self.shown.push((done.hash, done.artefact.clone()));
             return Ok(());
         }
-        let (name, file) = (format!("{key} {frame:04}"), series::file_of(path, frame));
+        let (name, file) = (format!("{key} {frame:04}"), frame_file(path, frame));
         self.file(&name, &file, &done.hash.to_string(), |to, exec| export(&done.artefact, to, exec))
     }
 
@@ -340,6 +324,7 @@ impl<'a> Writer<'a> {
             let _ = std::fs::remove_file(self.out.join(file));
         }
         let data = std::mem::take(&mut self.data);
+        record.remark = report::remark(stages, data.specks_moved)?;
         let (before, written) = (self.files.len(), self.files.clone());
         self.file(name, Path::new(file), &source, |to, exec| {
             if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
@@ -376,7 +361,7 @@ impl<'a> Writer<'a> {
             // Only what has the name of a frame of this series: the record of the last run may name anything.
             let is_frame = |old: &OutputFile| {
                 let number = old.name.strip_prefix(key).and_then(|rest| rest.trim().parse().ok());
-                let file = named.zip(number).map(|((_, path), number)| series::file_of(path, number));
+                let file = named.zip(number).map(|((_, path), number)| frame_file(path, number));
                 file.is_some_and(|file| self.out.join(file) == old.path)
             };
             let is_left = |old: &&OutputFile| {

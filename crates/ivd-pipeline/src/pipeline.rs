@@ -1,6 +1,6 @@
 //! Runs a scene: what its outputs need, from the cache where it can, and writes the outputs.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,47 +9,17 @@ use ivd_core::Exec;
 use ivd_core::op::Memory;
 use serde::{Deserialize, Serialize};
 
-use crate::Stage;
 use crate::clashes;
 use crate::control::{Control, Uncontrolled};
 use crate::need::{self, Size};
+use crate::node::{Context, run_node};
+use crate::options::PipelineOptions;
 use crate::outputs::{Manifest, OutputFile, Writer};
-use crate::plan::{NodeId, Plan, PlanNode, stage_names};
+use crate::plan::{NodeId, Plan, PlanNode};
 use crate::resource::peak_rss_mb;
 use crate::runner::{Runner, StageRecord, StageResult, State};
 use crate::scene::Loaded;
-use crate::{Error, Inputs, series};
-
-/// How a scene is run.
-#[derive(Debug, Clone, Default)]
-pub struct PipelineOptions {
-    /// Folder of the outputs.
-    pub out: PathBuf,
-    /// A volume in place of the scene's.
-    pub input: Option<PathBuf>,
-    /// Stop after this stage; outputs aren't written.
-    pub until: Option<String>,
-    /// Stages that run even where the cache has their result.
-    pub force: BTreeSet<String>,
-    /// Tell what would be done, without doing it.
-    pub dry_run: bool,
-}
-
-impl PipelineOptions {
-    /// Checks what no scene has a say in.
-    ///
-    /// # Errors
-    /// A usage error where `force` names what is no stage.
-    pub fn check(&self) -> Result<(), Error> {
-        for stage in &self.force {
-            if stage != "report" && stage != NodeId::IMPORT.stage && crate::list::stage(stage).is_none() {
-                let known = stage_names();
-                return Err(Error::usage("pipeline", format!("--force {stage}: stages are {known}, report")));
-            }
-        }
-        Ok(())
-    }
-}
+use crate::{Error, series};
 
 /// What a run of a scene did.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -203,9 +173,7 @@ fn walk(
         for (heir, slot) in plan.heirs(at) {
             heir.stage.as_deref().map_or(Ok(()), |stage| stage.look_ahead(slot, &result.artefact))?;
         }
-        if let Some(remark) = &result.record.remark {
-            runner.exec.observer().note(&format!("{}: {remark}", node.id.stage));
-        }
+        note_remark(&result.record, runner.exec);
         node.id.variant.clone_into(&mut result.record.variant);
         explain(&mut result.record, node, &manifest);
         if options.until.is_none() {
@@ -227,38 +195,18 @@ fn walk(
         if options.input.is_some() {
             shown.folder = PathBuf::new();
         }
-        stages.push(writer.report(&shown, stages, force)?);
+        let report = writer.report(&shown, stages, force)?;
+        note_remark(&report, runner.exec);
+        stages.push(report);
     }
     writer.finish(stages)
 }
 
-/// Runs the stage of a place on what its inputs' places gave, which must all be among `done`.
-///
-/// # Errors
-/// A usage error where the scene gives the place nothing to do, and those of [`Runner::run`].
-pub fn run_node(
-    node: &PlanNode,
-    done: &BTreeMap<NodeId, StageResult>,
-    runner: Runner<'_>,
-    options: &PipelineOptions,
-) -> Result<StageResult, Error> {
-    run_node_as(node, node.stage.as_deref(), done, runner, options)
-}
-
-/// As [`run_node`], with another stage in the place's own's place: that of a plan whose settings were chosen.
-pub(crate) fn run_node_as(
-    node: &PlanNode,
-    stage: Option<&dyn Stage>,
-    done: &BTreeMap<NodeId, StageResult>,
-    runner: Runner<'_>,
-    options: &PipelineOptions,
-) -> Result<StageResult, Error> {
-    let stage = stage.ok_or_else(|| Error::usage(node.id.stage, "it has nothing to do in this scene"))?;
-    let mut inputs = Inputs::default();
-    for (slot, from) in &node.inputs {
-        inputs = inputs.with(slot, done[from].input());
+/// Tells what a stage's figures say for people.
+fn note_remark(record: &StageRecord, exec: &Exec) {
+    if let Some(remark) = &record.remark {
+        exec.observer().note(&format!("{}: {remark}", record.stage));
     }
-    runner.run(stage, &inputs, options.force.contains(stage.name()))
 }
 
 /// Says what changed since the last run into the same folder, where something did.
@@ -286,14 +234,6 @@ fn release(plan: &Plan, at: usize, done: &mut BTreeMap<NodeId, StageResult>) {
             || again.iter().any(|&again| read(&plan.nodes()[again], id))
             || frames && plan.of_frames().any(|(of, _)| plan.nodes()[of].id == *id)
     });
-}
-
-/// What a scene is run by.
-#[derive(Clone, Copy)]
-pub(crate) struct Context<'a> {
-    pub(crate) loaded: &'a Loaded,
-    pub(crate) options: &'a PipelineOptions,
-    pub(crate) runner: Runner<'a>,
 }
 
 /// The record of a stage that did nothing.

@@ -1,19 +1,17 @@
 //! What every frame of a motion makes of the volume: the stages behind the motion, once for each.
 
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
 
 use ivd_artefact::Artefact;
 use ivd_core::{Motion, Value as _};
 use serde_json::Value as Json;
 
+use crate::Error;
+use crate::node::{Context, run_node_as};
 use crate::outputs::Writer;
-use crate::pipeline::{Context, run_node_as};
-use crate::plan::{NodeId, OF_FRAMES, Plan};
+use crate::plan::{NodeId, Plan};
 use crate::runner::{StageRecord, StageResult};
-use crate::scene::Scene;
-use crate::{Error, ending};
+use crate::scene::{OF_FRAMES, Scene};
 
 /// Where the displacement of the last frame stands among what is done, while another frame is drawn by the same camera.
 const LAST: NodeId = NodeId { stage: ivd_map::STAGE.name, variant: "last frame" };
@@ -103,41 +101,4 @@ fn in_frame(error: Error, frame: usize, frames: usize, named: &str) -> Error {
         return Error::Stage { stage, source: told.into(), class };
     }
     error
-}
-
-/// The file of a frame, counted from 0 as `map.frame` counts: `name_0000.nii.gz` is that of the first.
-pub fn file_of(path: &Path, frame: usize) -> PathBuf {
-    let number = format!("_{frame:04}");
-    let (mut stem, mut endings) = (path.to_owned(), Vec::new());
-    for _ in 0..if ending(path) == "nii.gz" { 2 } else { 1 } {
-        let Some(last) = stem.extension().map(OsStr::to_owned) else { break };
-        endings.push(last);
-        stem.set_extension("");
-    }
-    // Names needn't be UTF-8.
-    let mut name = stem.file_name().unwrap_or_default().to_owned();
-    name.push(number);
-    for ending in endings.iter().rev() {
-        name.push(".");
-        name.push(ending);
-    }
-    path.with_file_name(name)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_are_numbered_before_the_ending() {
-        let cases = [
-            ("a/b.nii.gz", 0, "a/b_0000.nii.gz"),
-            ("v.1.mha", 41, "v.1_0041.mha"),
-            ("İ.NRRD", 7, "İ_0007.NRRD"),
-            ("volumé", 3, "volumé_0003"),
-        ];
-        for (path, frame, file) in cases {
-            assert_eq!(file_of(Path::new(path), frame), Path::new(file));
-        }
-    }
 }

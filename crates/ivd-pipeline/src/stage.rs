@@ -11,7 +11,10 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::{Error, list, need};
+use crate::{Error, list};
+
+/// What makes a grid's values of other grids' values and is no stage of the list.
+const OTHERS: op::Memory = op::Memory { voxel: 20, reached: 0, triangle: 100 };
 
 /// Figures of a stage's work, by the names that `--json` prints. As JSON they are one object.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -210,7 +213,7 @@ pub trait Stage: Send + Sync {
 
     /// About how much memory it takes; see [`op::Stage::memory`].
     fn memory(&self) -> op::Memory {
-        list::stage(self.name()).map_or(need::OTHERS, |stage| stage.memory)
+        list::stage(self.name()).map_or(OTHERS, |stage| stage.memory)
     }
 
     /// What a person should know of a result with these figures beside them, where there is something.

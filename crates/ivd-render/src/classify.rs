@@ -1,13 +1,25 @@
 use ivd_core::{BrickRange, GradientTable, NO_DATA, TransferFunction};
 
 use crate::axis::ValueAxis;
-use crate::plan::PlanSteep;
 use crate::samples::Top;
 
 /// Least samples of a row. The value axis is finer than the transfer function's own, so that the nearest entry serves.
 const LEAST_SAMPLES: usize = 4096;
 /// Rows that get a bit of their own in a set of rows; the rest share the last bit.
 const OWN_BITS: usize = 63;
+
+/// A table by value and gradient.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanSteep<'a> {
+    /// Premultiplied entries, values fastest.
+    pub table: &'a [[f32; 4]],
+    /// As that of the values alone.
+    pub axis: [f32; 3],
+    /// Values of a row.
+    pub values: usize,
+    /// What turns a gradient (real units / mm) into a row: factor, last row.
+    pub gradient: [f32; 2],
+}
 
 /// A transfer function made ready for one step length: premultiplied RGB and the opacity of one step, by fast value and row.
 pub(crate) struct Classifier {

@@ -1,7 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
-use crate::surroundings::Left;
 
 /// Share of the light that reaches every side.
 pub(crate) const AMBIENT: f32 = 0.25;
@@ -9,6 +8,13 @@ pub(crate) const AMBIENT: f32 = 0.25;
 pub(crate) const DIFFUSE: f32 = 0.75;
 /// Strength of the highlight.
 pub(crate) const SPECULAR: f32 = 0.18;
+
+/// What is left of the light of all around, and of the lamp's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Left {
+    pub(crate) ambient: f32,
+    pub(crate) lamp: f32,
+}
 
 /// A lamp beside the eye, up and to the left, for the whole picture. Blinn–Phong with a wrapped diffuse term: `((1 + n·l) / 2)²`
 /// (half Lambert), so that the sides turned away keep their shape.

@@ -3,6 +3,7 @@
 use ivd_core::{Displacement, Exec, Kernel, Labels, Volume, srgb};
 
 use crate::camera::{Camera, Ray};
+pub use crate::classify::PlanSteep;
 use crate::light::{AMBIENT, DIFFUSE, Light, SPECULAR};
 use crate::prepared::Prepared;
 use crate::samples::KernelVoxels;
@@ -146,19 +147,6 @@ pub enum PlanLook<'a> {
         /// Linear RGB.
         colour: [f32; 3],
     },
-}
-
-/// A table by value and gradient.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlanSteep<'a> {
-    /// Premultiplied entries, values fastest.
-    pub table: &'a [[f32; 4]],
-    /// As that of the values alone.
-    pub axis: [f32; 3],
-    /// Values of a row.
-    pub values: usize,
-    /// What turns a gradient (real units / mm) into a row: factor, last row.
-    pub gradient: [f32; 2],
 }
 
 /// What makes a greatest value grey.

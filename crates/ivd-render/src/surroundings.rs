@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::{Camera, Ray, diagonal};
 use crate::cast::{Cast, Field, first_hit_by, first_place};
 use crate::dvr::{Optics, Step, dvr};
-use crate::light::Light;
+use crate::light::{Left, Light};
 use crate::samples::Stored;
 
 /// Most rays about a place.
@@ -61,13 +61,6 @@ pub(crate) struct Around<'a> {
     /// How far rays reach (mm).
     reach: f64,
     lamp: Vector3<f64>,
-}
-
-/// What is left of the light of all around, and of the lamp's.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Left {
-    pub(crate) ambient: f32,
-    pub(crate) lamp: f32,
 }
 
 impl<'a> Around<'a> {

@@ -1,8 +1,6 @@
 //! Exact histograms of 8 and 16 bit voxels.
 
-use ivd_core::{Error, Exec, Mask, Scalar, Voxels, parallel};
-
-use crate::plan::{Counted, Counting};
+use ivd_core::{Error, Exec, Kernel, Mask, Scalar, Voxels, parallel};
 
 /// Voxels that one task counts; long enough to pay for its private tables.
 const CHUNK: usize = 1 << 20;
@@ -69,6 +67,37 @@ macro_rules! with_tabled {
     };
 }
 pub(crate) use with_tabled;
+
+/// The pass that counts how often each stored value of 8 or 16 bits occurs, ascending by value.
+pub struct Counting;
+
+/// What is counted.
+#[derive(Clone, Copy)]
+pub struct Counted<'a> {
+    /// Voxels of 8 or 16 bits.
+    pub voxels: &'a Voxels,
+    /// Those that count, where not all do.
+    pub mask: Option<&'a Mask>,
+}
+
+impl<'a> Counted<'a> {
+    /// Voxels that can be counted so; `None` of wider types.
+    pub fn new(voxels: &'a Voxels, mask: Option<&'a Mask>) -> Option<Self> {
+        let kind = voxels.voxel_type();
+        (kind.is_integer() && kind.bytes() <= 2).then_some(Self { voxels, mask })
+    }
+}
+
+impl Kernel for Counting {
+    const NAME: &'static str = "segment/histogram";
+    type Args<'a> = Counted<'a>;
+    type Out = Vec<u64>;
+    type Error = Error;
+
+    fn on_processor(args: &Counted<'_>, exec: &Exec) -> Result<Vec<u64>, Error> {
+        with_tabled!(args.voxels, slice => count(slice, args.mask, exec), else Ok(Vec::new()))
+    }
+}
 
 /// Histogram of the voxels inside the mask; `None` for types of more than 16 bits.
 pub(crate) fn of(voxels: &Voxels, mask: Option<&Mask>, exec: &Exec) -> Result<Option<Histogram>, Error> {

@@ -1,9 +1,10 @@
 //! The pass that gives each voxel its label.
 
-use ivd_core::{Error, Exec, Mask, NO_DATA, Scalar, SpillVec, Voxels, parallel};
+use ivd_core::{
+    Error, Exec, Kernel, Mask, NO_DATA, Scalar, SpillVec, VoxelType, Voxels, parallel, with_voxels,
+};
 
-use crate::histogram::Tabled;
-use crate::plan::{Labelled, Labelling};
+use crate::histogram::{Tabled, with_tabled};
 
 /// Voxels that one task labels.
 const CHUNK: usize = 1 << 16;
@@ -11,6 +12,56 @@ const CHUNK: usize = 1 << 16;
 const NEAR: usize = 1 << 12;
 /// Steps beyond which a table is faster than comparisons.
 const MOST_STEPS: usize = 12;
+
+/// The pass that gives each voxel its label by its value.
+pub struct Labelling;
+
+/// What is labelled: a value with `g` of the ascending `cuts` at or below it gets `ids[g]`; what is no data or outside the mask gets
+/// [`NO_DATA`](ivd_core::NO_DATA).
+#[derive(Clone, Copy)]
+pub struct Labelled<'a> {
+    /// Voxels.
+    pub voxels: &'a Voxels,
+    /// Those that get a label, where not all do.
+    pub mask: Option<&'a Mask>,
+    /// Stored values, ascending.
+    pub cuts: &'a [f64],
+    /// A label more than there are cuts.
+    pub ids: &'a [u16],
+}
+
+impl Labelled<'_> {
+    /// The label of each value of a type of 8 or 16 bits, ascending; `None` of wider types.
+    pub fn table(&self) -> Option<Vec<u16>> {
+        let all = |count: usize, lowest: i64| {
+            (0..count).map(|slot| id_of((lowest + slot as i64) as f64, self.cuts, self.ids)).collect()
+        };
+        match self.voxels.voxel_type() {
+            VoxelType::U8 => Some(all(u8::VALUES, u8::LOWEST)),
+            VoxelType::I8 => Some(all(i8::VALUES, i8::LOWEST)),
+            VoxelType::U16 => Some(all(u16::VALUES, u16::LOWEST)),
+            VoxelType::I16 => Some(all(i16::VALUES, i16::LOWEST)),
+            _ => None,
+        }
+    }
+}
+
+impl Kernel for Labelling {
+    const NAME: &'static str = "segment/label";
+    type Args<'a> = Labelled<'a>;
+    type Out = SpillVec<u16>;
+    type Error = Error;
+
+    fn on_processor(args: &Labelled<'_>, exec: &Exec) -> Result<SpillVec<u16>, Error> {
+        let mut labels = exec.bulk("the labels", args.voxels.len())?;
+        if let Some(table) = args.table() {
+            with_tabled!(args.voxels, slice => by_table(slice, args.mask, &table, &mut labels), else {});
+        } else {
+            with_voxels!(args.voxels, slice => by_cuts(slice, args, &mut labels));
+        }
+        Ok(labels)
+    }
+}
 
 /// Labels by the group of each stored value: `ids(g)` for a value with `g` of the ascending `cuts` at or below it.
 pub(crate) fn of(

@@ -9,7 +9,6 @@ use ivd_frames::{Client, File, Frame, Output, Request, Scan, Service, TOO_MUCH};
 use serde_json::{Value as Json, json};
 use tokio::sync::{Semaphore, mpsc, watch};
 
-use crate::server::Links;
 use crate::token::Token;
 use crate::wheel::{Turn, Wheel};
 
@@ -50,6 +49,15 @@ pub(crate) enum Shown {
 pub(crate) enum Role {
     Driver,
     Watcher,
+}
+
+/// What to open in a browser.
+#[derive(Debug, Clone)]
+pub struct Links {
+    /// For who drives.
+    pub drive: String,
+    /// For who watches.
+    pub watch: String,
 }
 
 /// What all connections share.

@@ -23,4 +23,5 @@ mod token;
 mod wheel;
 
 pub use error::Error;
-pub use server::{Links, Options, Place, serve};
+pub use hub::Links;
+pub use server::{Options, Place, serve};

@@ -15,7 +15,7 @@ use ivd_core::Exec;
 use ivd_frames::{Begun, Service, Tell};
 
 use crate::guard::{guarded, is_own};
-use crate::hub::Hub;
+use crate::hub::{Hub, Links};
 use crate::socket::{MOST_BYTES, connected};
 use crate::token::Token;
 use crate::{Error, page};
@@ -37,15 +37,6 @@ pub enum Place {
 pub struct Options {
     /// Where to listen.
     pub place: Place,
-}
-
-/// What to open in a browser.
-#[derive(Debug, Clone)]
-pub struct Links {
-    /// For who drives.
-    pub drive: String,
-    /// For who watches.
-    pub watch: String,
 }
 
 /// Serves a model in a browser until it is interrupted.

@@ -5,7 +5,8 @@ use ivd_field::place;
 use ivd_field::warp::{DeformedLabels, WarpParams};
 
 use crate::Error;
-use crate::session::{Session, merged, touched};
+use crate::bricks::{merged, touched};
+use crate::session::Session;
 
 /// Deformed labels, and the bricks in which they are behind.
 #[derive(Debug)]

@@ -38,6 +38,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod bricks;
 mod clip;
 mod error;
 mod event;

@@ -497,19 +497,6 @@ fn largest(displacement: &Displacement) -> f64 {
     displacement.forward().vectors().iter().map(squared).fold(0.0, f64::max).sqrt()
 }
 
-/// Bricks in which a displacement shows anything else than rest, ascending.
-pub(crate) fn touched(displacement: &Displacement) -> Result<Vec<usize>, Error> {
-    Ok(displacement.changed(&Displacement::identity(displacement.grid().clone()))?)
-}
-
-/// Two ascending lists as one.
-pub(crate) fn merged(a: &[usize], b: &[usize]) -> Vec<usize> {
-    let mut all = [a, b].concat();
-    all.sort_unstable();
-    all.dedup();
-    all
-}
-
 fn check_grid(volume: &Volume, what: &'static str, grid: &ivd_core::Grid) -> Result<(), Error> {
     if volume.grid().matches(grid) {
         return Ok(());

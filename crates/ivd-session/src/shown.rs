@@ -4,8 +4,8 @@ use ivd_core::{Displacement, Exec, Volume};
 use ivd_field::clip::Kept;
 use ivd_field::warp::{Deformed, WarpParams};
 
+use crate::bricks::{merged, touched};
 use crate::clip::Clip;
-use crate::session::{merged, touched};
 use crate::{Error, Settings};
 
 /// The deformed volume, and what is left of it where it is clipped.

@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 
 use egui::Context;
 use ivd_core::{Exec, Observer};
-use ivd_frames::{Entry, Error, File, Frame, Log, Output, Scan};
+use ivd_frames::{Client, Entry, Error, File, Frame, Log, Output, Scan};
 
 use crate::files::{Keeping, Keeps};
-use crate::work::AGAIN;
 
+/// The one who asks for the log, to make the same again.
+pub(crate) const AGAIN: Client = 1;
 /// Progress is shown so often.
 const SEEN: Duration = Duration::from_millis(50);
 /// Notes that are kept.

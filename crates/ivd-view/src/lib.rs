@@ -40,6 +40,7 @@ mod system;
 mod waits;
 mod window;
 mod work;
+mod writing;
 
 pub use error::Error;
 pub use run::{Options, run, source};

@@ -10,10 +10,11 @@ use ivd_frames::Picture;
 use ivd_pipeline::animation_bytes;
 
 use crate::bar::item;
-use crate::files::{Keeps, write, write_beside};
+use crate::files::{Keeps, write};
 use crate::keys::RECORD;
 use crate::system::Purpose;
 use crate::window::Window;
+use crate::writing::write_beside;
 
 /// A recording has so many pictures at most, ...
 const MOST: usize = 1000;

@@ -6,7 +6,6 @@ use ivd_frames::{Pane, Request, Source, Tool};
 use crate::again::{Before, Making, Seen};
 use crate::awaited::Awaited;
 use crate::dialogs::{Dialog, Then};
-use crate::files;
 use crate::gestures::Hands;
 use crate::handles::Typed;
 use crate::layout::Layout;
@@ -20,6 +19,7 @@ use crate::shown::Shown;
 use crate::system::{Asked, Purpose};
 use crate::waits::Waits;
 use crate::work::Work;
+use crate::writing;
 
 /// A picture of this many pixels is drawn soon enough; more are left to the screen.
 const MOST_PIXELS: f32 = 512.0 * 512.0;
@@ -245,7 +245,7 @@ impl Window {
             return;
         }
         if let (Some((path, _)), Some(work)) = (self.photograph.take(), &self.work) {
-            files::screenshot(context, work.shared.clone(), path);
+            writing::screenshot(context, work.shared.clone(), path);
         }
     }
 

@@ -11,7 +11,7 @@ use ivd_frames::{
 };
 use ivd_pipeline::scene::Override;
 
-use crate::inbox::{Shared, Watch};
+use crate::inbox::{AGAIN, Shared, Watch};
 use crate::journal::{Journal, Left};
 use crate::run::Options;
 
@@ -19,8 +19,6 @@ use crate::run::Options;
 const SIZE: [usize; 2] = [512; 2];
 /// The one who asks.
 const HERE: Client = 0;
-/// The one who asks for the log, to make the same again.
-pub(crate) const AGAIN: Client = 1;
 
 /// What something begins with when it is opened.
 pub(crate) enum Begins {

@@ -3,10 +3,8 @@
 use ivd_core::{BRICK, Error, Exec, parallel};
 
 use super::level::{CUBE, Level};
-use super::sweep::{Faces, Steps, dual, primal};
+use super::sweep::{Brick, Faces, Primal, Steps, dual, primal};
 
-/// A number at every voxel of a brick, x fastest.
-pub(super) type Brick = [f32; CUBE];
 /// Voxels around the front that must be worked on.
 pub(super) const MARGIN: usize = 2;
 
@@ -15,15 +13,6 @@ const OUT: u32 = u32::MAX;
 const IN: u32 = u32::MAX - 1;
 static ZEROS: Brick = [0.0; CUBE];
 static ONES: Brick = [1.0; CUBE];
-
-/// The state of one brick's primal variable.
-#[derive(Clone)]
-pub(super) struct Primal {
-    /// Share of the part in each voxel, 0 … 1.
-    pub(super) u: Brick,
-    /// The same, carried on by the last step once more.
-    pub(super) ahead: Brick,
-}
 
 /// Bricks of a level that are worked on.
 pub(super) struct Band {

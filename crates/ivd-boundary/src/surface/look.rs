@@ -2,9 +2,9 @@
 
 use ivd_core::{BRICK, Error, Exec, parallel};
 
-use super::band::{Band, Brick, place};
+use super::band::{Band, place};
 use super::level::{CUBE, Level};
-use super::sweep::{Faces, row};
+use super::sweep::{Brick, Faces, row};
 
 /// Bins of a histogram over 0 … 1.
 pub(super) const BINS: usize = 256;

@@ -281,7 +281,7 @@ impl Descent {
     }
 }
 
-fn bits(u: &band::Brick) -> Bits {
+fn bits(u: &sweep::Brick) -> Bits {
     let mut bits = [0; BRICK];
     u.iter().enumerate().filter(|(_, u)| **u > 0.5).for_each(|(i, _)| bits[i / 64] |= 1 << (i % 64));
     bits

@@ -17,8 +17,19 @@
 
 use ivd_core::{BRICK, has_avx2};
 
-use super::band::{Brick, Primal};
 use super::level::CUBE;
+
+/// A number at every voxel of a brick, x fastest.
+pub(super) type Brick = [f32; CUBE];
+
+/// The state of one brick's primal variable.
+#[derive(Clone)]
+pub(super) struct Primal {
+    /// Share of the part in each voxel, 0 … 1.
+    pub(super) u: Brick,
+    /// The same, carried on by the last step once more.
+    pub(super) ahead: Brick,
+}
 
 /// What a sweep goes by.
 #[derive(Debug, Clone, Copy)]

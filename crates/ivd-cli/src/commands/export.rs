@@ -12,10 +12,11 @@ use ivd_pipeline::{
 };
 use serde_json::{Map, Value, json};
 
-use crate::args::{Direction, Frames, MeshSpace};
+use crate::args::{Direction, MeshSpace};
 use crate::context::Context;
 use crate::exit::Failure;
 use crate::files::volume_or_artefact;
+use crate::parse::Frames;
 
 /// What is chosen of an artefact and its file.
 pub(super) struct Choice<'a> {

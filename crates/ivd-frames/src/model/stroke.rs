@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use super::Model;
 use super::parts::cut_of;
 use crate::figures::Incision;
+use crate::figures::value_at;
 use crate::panes::Across;
-use crate::planes::value_at;
 use crate::{Error, Pane, Request};
 
 /// How far the lips of a new cut are apart, as a share of its radius.

@@ -5,8 +5,8 @@ use ivd_field::lies::Lies;
 use ivd_session::{MapChoice, Physics};
 
 use super::Model;
+use crate::figures::value_at;
 use crate::figures::{Clipped, Figures, letters};
-use crate::planes::value_at;
 
 impl Figures {
     /// What there is to tell of a model.

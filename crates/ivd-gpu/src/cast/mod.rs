@@ -1,27 +1,26 @@
 //! The kernel `render/cast`.
 
+pub(crate) mod kept;
 mod look;
 mod numbers;
 mod resident;
 
-use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 use ivd_core::{Answer, DeviceForm, Exec, Kernel as _, parallel};
 use ivd_render::Radiance;
 use ivd_render::plan::{Casting, Plan, Sight};
 
-use crate::buffers::Room;
+use crate::buffers::bind;
 use crate::gpu::{Count, PATIENCE, Reading};
 use crate::kept::Kept;
 use crate::shared::{Opened, answer};
-use crate::{Error, Gpu, SharedGpu, Timed};
+use crate::{Error, SharedGpu, Timed};
+use kept::Rooms;
 use look::defines;
-use numbers::{CAMERA_BYTES, PARAMS_BYTES, PICTURE_BYTES, Part, RAY_BYTES, camera, params, rays};
-use resident::{Resident, sampled};
+use numbers::{CAMERA_BYTES, PARAMS_BYTES, PICTURE_BYTES, Part, RAY_BYTES, TILE, camera, params, rays};
+use resident::sampled;
 
-/// Pixels along a tile's edge: a workgroup.
-const TILE: usize = 8;
 /// Bytes of a pixel, and of what is told of a tile.
 const PIXEL_BYTES: u64 = 16;
 /// In the last word of what is told of a tile, with the submission's number: that this one wrote it.
@@ -34,40 +33,11 @@ const SOFTWARE: Duration = Duration::from_millis(200);
 const FIRST_PIXELS: usize = 1 << 14;
 const GROWTH: f64 = 4.0;
 
-/// What pictures have in common.
-#[derive(Default)]
-pub(crate) struct State {
-    pub(crate) resident: Resident,
-    rooms: Option<Rooms>,
-    /// Of each kind of picture, time of a pixel (s) in its slowest part when one was last made.
-    pace: HashMap<String, f64>,
-}
-
-impl State {
-    /// Lets go of everything on the device.
-    pub(crate) fn forget(&mut self) {
-        self.resident = Resident::default();
-        self.rooms = None;
-    }
-}
-
 /// What makes a picture.
 struct Pipelines {
     cast: wgpu::ComputePipeline,
     /// Makes rays, where the device can.
     make: Option<wgpu::ComputePipeline>,
-}
-
-/// What a part of a picture needs.
-struct Rooms {
-    pixels: usize,
-    tiles: usize,
-    params: Room,
-    camera: Room,
-    part: Room,
-    rays: Room,
-    picture: Room,
-    result: Room,
 }
 
 impl SharedGpu {
@@ -289,19 +259,4 @@ impl Opened {
         });
         Ok(())
     }
-}
-
-/// Binds buffers to a pipeline's places.
-fn bind<'a>(
-    gpu: &Gpu,
-    pipeline: &wgpu::ComputePipeline,
-    rooms: impl Iterator<Item = (usize, &'a Room)>,
-) -> Result<wgpu::BindGroup, Error> {
-    let entries: Vec<wgpu::BindGroupEntry<'_>> = rooms
-        .map(|(binding, room)| wgpu::BindGroupEntry {
-            binding: binding as u32,
-            resource: room.buffer.as_entire_binding(),
-        })
-        .collect();
-    gpu.bind(pipeline, &entries)
 }

@@ -1,6 +1,7 @@
 use ivd_render::plan::{Plan, PlanCamera, PlanLook, PlanRay};
 
-use super::TILE;
+/// Pixels along a tile's edge: a workgroup.
+pub(super) const TILE: usize = 8;
 
 /// Quadruples of the shader's `Params`.
 const PARAMS: usize = 21;

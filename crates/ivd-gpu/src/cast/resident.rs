@@ -1,8 +1,7 @@
 use ivd_core::{Displacement, NO_BRICK};
 use ivd_render::plan::{Plan, PlanLook, PlanVoxels};
 
-use super::bind;
-use crate::buffers::Room;
+use crate::buffers::{Room, bind};
 use crate::kept::Kept;
 use crate::{Error, Gpu};
 

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use ivd_core::{Exec, FieldBricks, Grid, Scalar, Voxels, with_voxels};
+use ivd_core::{Exec, FieldBricks, Grid, Scalar, with_voxels};
 
+use super::components::Components;
 use super::read::{Format, format};
 use super::{Error, FieldDirection, metaimage, nifti, nrrd};
-use crate::Space;
 
 /// A field that was read.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,18 +17,6 @@ pub struct GivenField {
     pub vectors: FieldBricks,
     /// Which way it leads, where the file says so: files of ours do.
     pub direction: Option<FieldDirection>,
-}
-
-/// The numbers of a field as a file has them.
-pub(crate) struct Components {
-    pub(crate) grid: Grid,
-    pub(crate) voxels: Voxels,
-    /// Whether a voxel's three numbers stand together; else all of a component do.
-    pub(crate) together: bool,
-    /// What the numbers are along.
-    pub(crate) space: Space,
-    /// What the file says of itself.
-    pub(crate) says: String,
 }
 
 /// Reads a displacement field: NRRD with a vector of three as its fastest axis, in LPS (ITK, 3D Slicer); NIfTI of five dimensions with

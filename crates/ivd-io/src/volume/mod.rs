@@ -7,6 +7,7 @@
 
 mod axes;
 mod bounded;
+mod components;
 mod data;
 pub mod dicom;
 mod error;

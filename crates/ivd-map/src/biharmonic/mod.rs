@@ -51,6 +51,7 @@
 //! Wardetzky & Jacobson 2018); biharmonic deformation (Botsch & Kobbelt 2004).
 
 mod affine;
+mod bound;
 mod energy;
 mod field;
 mod matrix;
@@ -81,11 +82,11 @@ use super::settle::Settle;
 use super::{BiharmonicParams, MapResult, MapUpdate, Outside};
 use crate::Error;
 use affine::Affine;
+use bound::Bound;
 use matrix::Triple;
 use nodes::Cells;
 use step::{Aim, Step};
 use system::{Places, System};
-use tension::Bound;
 
 /// Residual of the equations, relative to their right-hand side: the field is within some 10⁻⁶ of the minimiser.
 const TOLERANCE: f64 = 1e-8;

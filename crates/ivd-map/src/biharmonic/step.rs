@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use super::super::outcome::SolveFigures;
 use super::super::region::Region;
 use super::affine::Affine;
+use super::bound::Bound;
 use super::field::Field;
 use super::matrix::Triple;
 use super::system::System;
-use super::tension::Bound;
 
 /// What an affine part leaves unexplained (of the largest motion) that is rounding.
 const ROUNDING: f64 = 1e-12;

@@ -9,7 +9,6 @@ use std::collections::BTreeSet;
 use ivd_core::{Exec, Grid, Lattice, VoxelCoord, VoxelIndex};
 use nalgebra::Vector3;
 
-use super::tissues::{Matter, Tissues};
 use crate::Error;
 
 /// Bytes of a voxel that is held.
@@ -25,17 +24,16 @@ pub(super) struct Grip {
 }
 
 impl Grip {
-    /// - `middle`: place of the vertex (mm); `radius`: (mm), less where something rigid is nearer: what has hold of a thin layer on bone is thinner.
+    /// - `is_inside`: whether a voxel is of the part, by its number.
+    /// - `middle`, `radius`: of the ball (mm); its middle is where the vertex is.
     pub(super) fn new(
         lattice: &Lattice,
-        tissues: &Tissues<'_>,
+        is_inside: impl Fn(usize) -> bool,
         vertex: usize,
-        middle: Vector3<f64>,
-        radius: f64,
+        (middle, radius): (Vector3<f64>, f64),
         exec: &Exec,
     ) -> Result<Self, Error> {
         let grid = lattice.grid();
-        let radius = nearest_rigid(tissues, middle, radius);
         let voxels =
             grid.voxels_of_ball(middle, radius).map(|range| range.len() as u64).iter().product::<u64>();
         exec.check_memory("what a handle has hold of", BYTES * voxels)?;
@@ -44,7 +42,7 @@ impl Grip {
         let takes = |at: &[i64; 3]| {
             let Some(voxel) = grid.voxel_at(*at) else { return false };
             let near = (local(grid, voxel) - middle).norm() <= radius;
-            near && tissues.is_inside(grid.linear(voxel))
+            near && is_inside(grid.linear(voxel))
         };
         let mut work: Vec<[i64; 3]> = corners(lattice, vertex).filter(takes).collect();
         while let Some(at) = work.pop() {
@@ -88,30 +86,8 @@ impl Grip {
     }
 }
 
-/// How far the nearest rigid voxel is from a place, or a radius, if that is less (mm).
-fn nearest_rigid(tissues: &Tissues<'_>, middle: Vector3<f64>, radius: f64) -> f64 {
-    let mut least = radius;
-    if !tissues.has_rigid() {
-        return least;
-    }
-    let grid = tissues.grid();
-    let [xs, ys, zs] = grid.voxels_of_ball(middle, radius);
-    for z in zs {
-        for y in ys.clone() {
-            for x in xs.clone() {
-                let voxel = VoxelIndex([x, y, z]);
-                let far = (local(grid, voxel) - middle).norm();
-                if far < least && tissues.matter(voxel, grid.linear(voxel)) != Matter::Soft {
-                    least = far;
-                }
-            }
-        }
-    }
-    least
-}
-
 /// Where a voxel is (mm), relative to the grid's origin.
-fn local(grid: &Grid, voxel: VoxelIndex) -> Vector3<f64> {
+pub(super) fn local(grid: &Grid, voxel: VoxelIndex) -> Vector3<f64> {
     grid.linear_part() * VoxelCoord::from(voxel).0
 }
 

@@ -250,8 +250,10 @@ impl<'a> Scene<'a> {
             });
         }
         let grip = |(_, handle, target): &(usize, Handle, usize)| {
-            let radius = self.grip(handle, cells.length());
-            Grip::new(self.lattice, &tissues, *target, self.rest[*target], radius, exec)
+            // What has hold of a thin layer on bone is thinner.
+            let middle = self.rest[*target];
+            let radius = tissues.nearest_rigid(middle, self.grip(handle, cells.length()));
+            Grip::new(self.lattice, |voxel| tissues.is_inside(voxel), *target, (middle, radius), exec)
         };
         let grips = asked.iter().map(grip).collect::<Result<_, _>>()?;
         self.check_bones(&cells, &tissues)?;

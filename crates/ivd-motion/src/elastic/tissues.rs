@@ -7,7 +7,7 @@ use ivd_elastic::{FLESH, Lame, Medium, Tissue};
 use nalgebra::Vector3;
 
 use super::ElasticParams;
-use super::grip::Grip;
+use super::grip::{Grip, local};
 use crate::rigid::BoneSpec;
 
 /// Poisson's ratio of what fills the outside: air is pressed evenly, lest a few cells of it fold while the rest hardly yields.
@@ -169,6 +169,28 @@ impl<'a> Tissues<'a> {
             }
         }
         sum >= SOLID * many
+    }
+
+    /// How far the nearest rigid voxel is from a place, or a radius, if that is less (mm).
+    pub(super) fn nearest_rigid(&self, middle: Vector3<f64>, radius: f64) -> f64 {
+        let mut least = radius;
+        if !self.has_rigid() {
+            return least;
+        }
+        let grid = self.grid();
+        let [xs, ys, zs] = grid.voxels_of_ball(middle, radius);
+        for z in zs {
+            for y in ys.clone() {
+                for x in xs.clone() {
+                    let voxel = VoxelIndex([x, y, z]);
+                    let far = (local(grid, voxel) - middle).norm();
+                    if far < least && self.matter(voxel, grid.linear(voxel)) != Matter::Soft {
+                        least = far;
+                    }
+                }
+            }
+        }
+        least
     }
 
     /// What the handles have hold of.

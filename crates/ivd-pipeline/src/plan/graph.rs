@@ -4,7 +4,7 @@ use ivd_core::op::{self, Place, PlaceKind, Want};
 
 use super::files::{Named, drawn, import, labelled, met, named};
 use crate::list::STAGES;
-use crate::scene::{Loaded, Picture, Scene};
+use crate::scene::{Loaded, OF_FRAMES, PICTURES, Picture, SERIES, Scene};
 use crate::stages::IMPORT;
 use crate::{Error, Section, Stage};
 
@@ -56,12 +56,6 @@ const RENAMED: [(&str, &[&str]); 5] = [
     ("lattice_deformed", &["motion"]),
     ("animation", &["motion"]),
 ];
-/// The output of what every frame of a motion makes of the volume.
-pub(crate) const SERIES: &str = "volume_series";
-/// The output of a picture of every frame of a motion.
-pub(crate) const PICTURES: &str = "picture_series";
-/// Outputs of every frame.
-pub(crate) const OF_FRAMES: [&str; 2] = [SERIES, PICTURES];
 /// Outputs of the lattice in motion.
 const MOVING: [&str; 2] = ["lattice_deformed", "animation"];
 /// The output of what a lattice is refined from.

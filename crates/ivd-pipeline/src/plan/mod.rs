@@ -3,5 +3,5 @@
 mod files;
 mod graph;
 
+pub(crate) use graph::stage_names;
 pub use graph::{NodeId, Plan, PlanNode};
-pub(crate) use graph::{OF_FRAMES, PICTURES, SERIES, stage_names};

@@ -6,7 +6,7 @@ use ivd_motion::deform;
 use ivd_report::{pairs, shown};
 use serde_json::Value as Json;
 
-use super::summary::{in_full, of_record};
+use super::recorded::{in_full, of_record};
 use crate::StageRecord;
 use crate::scene::Scene;
 

@@ -8,6 +8,7 @@ mod data;
 mod deformation;
 mod page;
 mod plain;
+mod recorded;
 mod segmentation;
 mod summary;
 
@@ -20,7 +21,7 @@ use colours::class_rgb;
 
 pub(crate) use data::ReportData;
 pub(crate) use page::html;
-pub(crate) use summary::input;
+pub(crate) use summary::{input, remark};
 
 /// Raised whenever the same data gives another page.
 pub(crate) const REVISION: u32 = 10;

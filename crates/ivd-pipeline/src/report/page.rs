@@ -39,7 +39,7 @@ pub(crate) fn html(
     let lettered = is_lettered(records);
     page.section(
         "What was asked, and what was done",
-        &body_or_problem(summary(loaded, records, data.specks_moved, exec)),
+        &body_or_problem(summary(loaded, records, data.specks_moved)),
     );
     if let (Some(moved), Some(Artefact::Volume(volume))) = (&data.moved, data.volume.as_deref()) {
         page.section("Slices through what moves furthest", &moved.html(volume.grid(), lettered, png_bytes)?);

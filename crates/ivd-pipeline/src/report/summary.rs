@@ -1,7 +1,7 @@
 //! What was asked and what was done: what moved, how far, and whether to trust it, on one screen.
 
 use ivd_boundary::BoundaryFigures;
-use ivd_core::{Exec, counted};
+use ivd_core::counted;
 use ivd_field::clip::{self, ClipFigures};
 use ivd_field::combine::{self, CombineFigures};
 use ivd_lattice::extract::{self, LatticeFigures};
@@ -13,6 +13,7 @@ use ivd_report::html::{escape, number};
 use ivd_report::{Cell, Figure, figures, pairs, shown, table};
 use serde_json::Value as Json;
 
+use super::recorded::{in_full, of_record};
 use super::{asked, plain};
 use crate::scene::{Loaded, Picture, Scene};
 use crate::series::FRAME;
@@ -20,26 +21,18 @@ use crate::stages::{IMPORT, ImportFigures};
 use crate::{Error, Section, StageRecord, figures_of};
 
 /// The settings, the handles, what came of them, and what to know about it.
-/// What it marks is noted, for who doesn't open it.
 ///
 /// - `specks_moved`: small parts of the lattice that lie where something moves.
 pub(super) fn summary(
     loaded: &Loaded,
     records: &[StageRecord],
     specks_moved: Option<u64>,
-    exec: &Exec,
 ) -> Result<String, Error> {
     let scene = &loaded.scene;
     let done = figures_of::<deform::Figures>(records, deform::STAGE.name)?;
     let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
     let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
     let told = told(records, specks_moved, map.as_ref())?;
-    let marked = told.iter().filter(|told| told.warns).map(|told| format!("{}{}", told.about, told.frame));
-    let marked: Vec<String> = marked.collect();
-    if !marked.is_empty() {
-        let marked = marked.join("; ");
-        exec.observer().note(&format!("the report marks (▲) what to look at before it is trusted: {marked}"));
-    }
     let mut html = verdict(&told, map.as_ref(), space.as_ref());
     html += &pairs(&settings(loaded, records)?);
     if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {
@@ -62,6 +55,16 @@ pub(super) fn summary(
     }
     html += &written(scene);
     Ok(html)
+}
+
+/// What the page marks, for who doesn't open it.
+pub(crate) fn remark(records: &[StageRecord], specks_moved: Option<u64>) -> Result<Option<String>, Error> {
+    let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
+    let told = told(records, specks_moved, map.as_ref())?;
+    let marked = told.iter().filter(|told| told.warns).map(|told| format!("{}{}", told.about, told.frame));
+    let marked = marked.collect::<Vec<String>>().join("; ");
+    let remark = format!("it marks (▲) what to look at before it is trusted: {marked}");
+    Ok(Some(remark).filter(|_| !marked.is_empty()))
 }
 
 /// Input, part, lattice, solver and map, each in a line.
@@ -141,12 +144,6 @@ fn method(scene: &Scene, stage: &ivd_core::op::Stage) -> String {
     method.map_or_else(|| "–".to_owned(), |method| method.name.to_owned())
 }
 
-/// A parameter that a stage ran with.
-pub(super) fn of_record(records: &[StageRecord], stage: &str, key: &str) -> String {
-    let record = records.iter().find(|record| record.stage == stage && record.output.is_some());
-    shown(record.and_then(|record| record.params.get(key)))
-}
-
 /// What handles and fixed places were asked for, and the vertices that they took.
 fn handles(asked: &Asked<'_>, (taken, fixed): (&[PickFigures], &[PickFigures])) -> String {
     let moves = asked.moves;
@@ -200,11 +197,6 @@ fn others(asked: &Asked<'_>) -> String {
         rows.push(("bones", bones.to_string()));
     }
     if rows.is_empty() { String::new() } else { pairs(&rows) }
-}
-
-/// What was asked for, to the last digit, and what it is held beside.
-pub(super) fn in_full(parts: [f64; 3]) -> String {
-    parts.map(|part| format!("{}", (part * 1e4).round() / 1e4)).join(", ")
 }
 
 fn vector(parts: [f64; 3]) -> String {

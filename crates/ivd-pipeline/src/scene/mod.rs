@@ -8,6 +8,7 @@ mod read;
 mod schema;
 mod sections;
 mod stage_sections;
+mod targets;
 mod written;
 
 use std::path::Path;
@@ -22,7 +23,6 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
 
 use crate::pictures::{check_pictures, is_animation};
-use crate::plan::{OF_FRAMES, PICTURES, SERIES};
 use crate::{Error, Section, ending};
 
 pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
@@ -30,8 +30,10 @@ pub use sections::{
     Body, InputSection, Inside, MeshSpace, OutputSection, Over, Picture, RawSection, RulerSection,
     WindowSection,
 };
+pub(crate) use sections::{OF_FRAMES, PICTURES, REPORT, SERIES, picture_file};
 pub(crate) use stage_sections::Written;
 use stage_sections::stage_sections;
+pub(crate) use targets::{Target, targets};
 pub use written::triple;
 
 /// The name of a stage of the list.
@@ -243,7 +245,7 @@ impl Scene {
         }
         self.check_frames()?;
         self.output.check_endings()?;
-        crate::clashes::check_outputs(self)?;
+        targets::check_outputs(&self.output)?;
         for (name, path) in self.output.files() {
             if path.is_absolute() || path.components().any(|c| matches!(c, std::path::Component::ParentDir)) {
                 return Err(format!(

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use ivd_core::{Exec, Grid, Modality, Volume, VoxelType, Voxels};
 
 use crate::Space;
+use crate::volume::components::Components;
 use crate::volume::data::{self, DataFile, Encoding, Frames, Start};
-use crate::volume::given_field::Components;
 use crate::volume::stored::FileType;
 use crate::volume::text_header::Header;
 use crate::volume::{ByteOrder, Error, bounded, orientation};

@@ -20,7 +20,7 @@ use flate2::bufread::MultiGzDecoder;
 use ivd_core::{Exec, Grid, Volume, Voxels};
 
 use crate::volume::bounded::{self, Packing};
-use crate::volume::given_field::Components;
+use crate::volume::components::Components;
 use crate::volume::stored::{self, Layout};
 use crate::volume::{Error, frames};
 use ending::strip_ending;

@@ -6,4 +6,5 @@ mod window;
 
 pub use input::{InputSection, RawSection};
 pub use output::{MeshSpace, OutputSection, Picture};
+pub(crate) use output::{OF_FRAMES, PICTURES, REPORT, SERIES, picture_file};
 pub use window::{Body, Inside, Over, RulerSection, WindowSection};

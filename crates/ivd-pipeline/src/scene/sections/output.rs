@@ -7,7 +7,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::ending;
 use crate::export::{FIELD_ENDINGS, VOLUME_ENDINGS};
-use crate::plan::SERIES as VOLUME_SERIES;
+
+/// The output of what every frame of a motion makes of the volume.
+pub(crate) const SERIES: &str = "volume_series";
+/// The output of a picture of every frame of a motion.
+pub(crate) const PICTURES: &str = "picture_series";
+/// Outputs of every frame.
+pub(crate) const OF_FRAMES: [&str; 2] = [SERIES, PICTURES];
+/// Name of the report among the outputs, and its file.
+pub(crate) const REPORT: (&str, &str) = ("report", "report.html");
+
+/// Name of a picture among the outputs, and its file.
+pub(crate) fn picture_file(picture: Picture) -> (String, PathBuf) {
+    (format!("image {}", picture.name()), PathBuf::from(format!("{}.png", picture.name())))
+}
 
 /// A picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -104,7 +117,7 @@ impl OutputSection {
         let moving = [&meshes[..], &["pvd"]].concat();
         for (key, path, what, endings) in [
             ("volume", &self.volume, "voxels are", &VOLUME_ENDINGS[..]),
-            (VOLUME_SERIES, &self.volume_series, "voxels are", &VOLUME_ENDINGS),
+            (SERIES, &self.volume_series, "voxels are", &VOLUME_ENDINGS),
             ("labels", &self.labels, "voxels are", &VOLUME_ENDINGS),
             ("labels_deformed", &self.labels_deformed, "voxels are", &VOLUME_ENDINGS),
             ("mask", &self.mask, "voxels are", &VOLUME_ENDINGS),
@@ -115,7 +128,7 @@ impl OutputSection {
             ("lattice_deformed", &self.lattice_deformed, "a lattice is", &moving),
         ] {
             // Of all but the volume a description may be written.
-            let described = !["volume", VOLUME_SERIES].contains(&key);
+            let described = !["volume", SERIES].contains(&key);
             let is_known = |ending: &str| endings.contains(&ending) || (described && ending == "json");
             let Some(path) = path.as_ref().filter(|path| !is_known(&ending(path))) else { continue };
             let (path, known) = (path.display(), endings.join(", ."));
@@ -132,8 +145,8 @@ impl OutputSection {
             ("lattice_extracted", &self.lattice_extracted),
             ("lattice_deformed", &self.lattice_deformed),
             ("animation", &self.animation),
-            ("volume_series", &self.volume_series),
-            ("picture_series", &self.picture_series),
+            (SERIES, &self.volume_series),
+            (PICTURES, &self.picture_series),
             ("displacement", &self.displacement),
             ("labels", &self.labels),
             ("labels_deformed", &self.labels_deformed),
@@ -143,5 +156,13 @@ impl OutputSection {
         .into_iter()
         .filter_map(|(key, path)| path.as_deref().map(|p| (key, p)))
         .collect()
+    }
+
+    /// The outputs that are named, with their files, but for the frames of a series: how many these are shows while it runs.
+    pub(crate) fn named(&self) -> Vec<(String, PathBuf)> {
+        let files = self.files().into_iter().filter(|(key, _)| !OF_FRAMES.contains(key));
+        let files = files.map(|(key, path)| (key.to_owned(), path.to_owned()));
+        let report = self.report.then(|| (REPORT.0.to_owned(), PathBuf::from(REPORT.1)));
+        files.chain(self.images.iter().copied().map(picture_file)).chain(report).collect()
     }
 }
