@@ -8,17 +8,10 @@
 @group(0) @binding(4) var<storage, read> tables: array<u32>;
 @group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>>;
 
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = 256u * place_in(group, groups) + lane;
+fn each(i: u32) {
     if (i < params.count) {
         let w = list[i].x;
         atomicAdd(&counts[w], own_of(decided[i]));
         atomicAdd(&counts[all_words() + 1u + w], tables[CROSSINGS_AT + crossing_of(decided[i])] & 0xffu);
     }
-    tell(lane);
 }

@@ -8,13 +8,7 @@
 @group(0) @binding(4) var<storage, read_write> counts: array<u32>; // of each word its vertices, then of each word its triangles
 @group(0) @binding(5) var<storage, read_write> opens: array<u32>;
 
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let w = 256u * place_in(group, groups) + lane;
+fn each(w: u32) {
     if (w <= all_words()) {
         var edges = 0u;
         var settled = 0u;
@@ -36,5 +30,4 @@ fn main(
         counts[all_words() + 1u + w] = settled;
         opens[w] = open;
     }
-    tell(lane);
 }

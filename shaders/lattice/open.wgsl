@@ -7,13 +7,7 @@
 @group(0) @binding(4) var<storage, read> opens: array<u32>;
 @group(0) @binding(5) var<storage, read_write> list: array<vec2<u32>>;
 
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let w = 256u * place_in(group, groups) + lane;
+fn each(w: u32) {
     if (w < all_words()) {
         var to = opens[w];
         if (opens[w + 1u] > to) {
@@ -28,5 +22,4 @@ fn main(
             }
         }
     }
-    tell(lane);
 }

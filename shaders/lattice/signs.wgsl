@@ -6,13 +6,7 @@
 
 //#include shared/stored.wgsl
 
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let w = 256u * place_in(group, groups) + lane;
+fn each(w: u32) {
     if (w < all_words()) {
         let row = w / params.words;
         let y = row % params.rows;
@@ -39,5 +33,4 @@ fn main(
         }
         signs[w] = word;
     }
-    tell(lane);
 }

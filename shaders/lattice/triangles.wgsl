@@ -24,13 +24,7 @@ fn numbers(w: u32, bit: u32) -> vec4<u32> {
     return vec4<u32>(first, first + here.x, first + here.x + here.y, first + here.x + here.y + here.z);
 }
 
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let w = 256u * place_in(group, groups) + lane;
+fn each(w: u32) {
     if (has_cells(w)) {
         let words_of = corners_of(w);
         var to = counts[all_words() + 1u + w] - counts[all_words() + 1u];
@@ -70,5 +64,4 @@ fn main(
             }
         }
     }
-    tell(lane);
 }

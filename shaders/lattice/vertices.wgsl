@@ -8,13 +8,7 @@
 @group(0) @binding(5) var<storage, read> decided: array<u32>;
 @group(0) @binding(6) var<storage, read_write> keys: array<vec2<u32>>;
 
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let w = 256u * place_in(group, groups) + lane;
+fn each(w: u32) {
     if (has_cells(w)) {
         let edges = crossed(w);
         var any = edges.x | edges.y | edges.z;
@@ -47,5 +41,4 @@ fn main(
             }
         }
     }
-    tell(lane);
 }

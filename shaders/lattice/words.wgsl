@@ -14,7 +14,7 @@ struct Params {
 
 @group(0) @binding(0) var<storage, read> params: Params;
 
-//#include shared/pass.wgsl
+//#include shared/lanes.wgsl
 
 fn all_words() -> u32 {
     return params.words * params.rows * params.layers;

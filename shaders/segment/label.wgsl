@@ -16,7 +16,7 @@ struct Params {
 @group(0) @binding(5) var<storage, read> mask: array<u32>;
 //#end
 
-//#include shared/pass.wgsl
+//#include shared/lanes.wgsl
 //#include shared/stored.wgsl
 
 fn label(r: u32) -> u32 {
@@ -41,13 +41,7 @@ fn label(r: u32) -> u32 {
 //#end
 }
 
-@compute @workgroup_size(256)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let to = 256u * place_in(group, groups) + lane;
+fn each(to: u32) {
     if (to < params.quads) {
         let quad = params.first + to;
         let r = ranks(quad);
@@ -58,5 +52,4 @@ fn main(
 //#end
         labels[to] = vec2<u32>(made.x | made.y << 16u, made.z | made.w << 16u);
     }
-    tell(lane);
 }

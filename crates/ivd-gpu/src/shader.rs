@@ -22,6 +22,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("segment/histogram.wgsl", include_str!("../../../shaders/segment/histogram.wgsl")),
     ("segment/label.wgsl", include_str!("../../../shaders/segment/label.wgsl")),
     ("shared/bricks.wgsl", include_str!("../../../shaders/shared/bricks.wgsl")),
+    ("shared/lanes.wgsl", include_str!("../../../shaders/shared/lanes.wgsl")),
     ("shared/light.wgsl", include_str!("../../../shaders/shared/light.wgsl")),
     ("shared/pass.wgsl", include_str!("../../../shaders/shared/pass.wgsl")),
     ("shared/ray.wgsl", include_str!("../../../shaders/shared/ray.wgsl")),
@@ -169,9 +170,10 @@ pub(crate) mod tests {
         check("shared/scan.wgsl", &[], none);
         check("shared/scan.wgsl", &["ADD"], none);
         // The others are pictures' or parts of these.
-        let whole = FILES.iter().filter(|(_, text)| text.contains("@compute")).map(|(name, _)| *name);
+        let is_whole = |text: &str| text.contains("@compute") || text.contains("fn each(");
+        let whole = FILES.iter().filter(|(_, text)| is_whole(text)).map(|(name, _)| *name);
         let left: Vec<&str> = whole.filter(|name| !seen.contains(name)).collect();
-        assert_eq!(left, ["render/cast.wgsl", "render/rays.wgsl"]);
+        assert_eq!(left, ["render/cast.wgsl", "render/rays.wgsl", "shared/lanes.wgsl"]);
     }
 
     #[test]

@@ -4,8 +4,9 @@ use std::path::Path;
 use ivd_core::{Exec, Scalar, Volume, VoxelType, with_voxels};
 
 use crate::order::swap_in_place;
-use crate::volume::replace::put;
-use crate::volume::{ByteOrder, Error};
+use crate::volume::data::data_beside;
+use crate::volume::replace::{put, replace};
+use crate::volume::{ByteOrder, Error, Written};
 
 /// Bytes written between two looks at the cancel flag.
 const CHUNK: usize = 1 << 20;
@@ -79,6 +80,31 @@ impl Values {
             Self::Real(VoxelType::F32) => real::<f32>(to, path, volume, exec),
             Self::Real(VoxelType::F64) => real::<f64>(to, path, volume, exec),
         }
+    }
+
+    /// Writes a file of a header and the voxels; or, where its ending says that it is `detached`, of the header alone, with the voxels in a file beside it.
+    ///
+    /// - `header`: the text, with the name of the file of the voxels, where they have one.
+    pub(crate) fn write_with_header(
+        self,
+        path: &Path,
+        detached: &str,
+        header: impl Fn(Option<&str>) -> String,
+        volume: &Volume,
+        exec: &Exec,
+    ) -> Result<Written, Error> {
+        if !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(detached)) {
+            return replace(path, |to| {
+                put(to, path, header(None).as_bytes())?;
+                self.write(to, path, volume, exec)
+            });
+        }
+        let data = data_beside(path);
+        let name = data.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        // The voxels first: a header never names voxels that aren't there.
+        let voxels = replace(&data, |to| self.write(to, &data, volume, exec))?;
+        let head = replace(path, |to| put(to, path, header(Some(&name)).as_bytes()))?;
+        Ok(voxels.and(head))
     }
 }
 

@@ -3,7 +3,6 @@ use std::path::Path;
 
 use ivd_core::{Exec, Grid, Volume, VoxelType};
 
-use crate::volume::data::data_beside;
 use crate::volume::orientation::flip;
 use crate::volume::replace::{put, replace};
 use crate::volume::values::Values;
@@ -13,19 +12,8 @@ use crate::volume::{Error, VoxelAxes, Written};
 pub(crate) fn write(path: &Path, volume: &Volume, exec: &Exec) -> Result<Written, Error> {
     let values = Values::without_scale(volume);
     let header = header(volume.grid(), values.voxel_type(volume));
-    let detached = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mhd"));
-    if !detached {
-        return replace(path, |to| {
-            put(to, path, format!("{header}ElementDataFile = LOCAL\n").as_bytes())?;
-            values.write(to, path, volume, exec)
-        });
-    }
-    let data = data_beside(path);
-    let name = data.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    // The voxels first: a header never names voxels that aren't there.
-    let voxels = replace(&data, |to| values.write(to, &data, volume, exec))?;
-    let head = replace(path, |to| put(to, path, format!("{header}ElementDataFile = {name}\n").as_bytes()))?;
-    Ok(voxels.and(head))
+    let header = |data: Option<&str>| format!("{header}ElementDataFile = {}\n", data.unwrap_or("LOCAL"));
+    values.write_with_header(path, "mhd", header, volume, exec)
 }
 
 /// Writes a field of vectors (mm) in LPS as a displacement field: three channels. The comment says which way it leads.
