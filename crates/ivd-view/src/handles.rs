@@ -30,6 +30,8 @@ const BEHIND: &str = "Further on voxels would fold over one another, so they are
 const WAYS: [[&str; 2]; 3] = [["left", "right"], ["backwards", "forwards"], ["down", "up"]];
 /// ... an axis that it goes along by less of its length (sine of 20°) is left out.
 const ALONG: f64 = 0.34;
+/// What goes so much along the way into the surface or out of it goes straight (18°).
+const STRAIGHT: f64 = 0.95;
 /// What goes within 45° of the way into the surface or out of it goes in or out.
 const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Into the surface.
@@ -147,7 +149,7 @@ impl Window {
         ui.weak(format!("{id}:"));
         if let (Some(by), Some(out)) = (one.by, one.out) {
             let full = format!("Handle {id}: into the surface, mm");
-            let there = -dot(by, out);
+            let there = depth(by, out);
             let mut into = self.value(&full, unsigned(there));
             let field = number(ui, &full, &mut into, 1, |field| {
                 field.speed(SPEED).fixed_decimals(1).range(-1e6..=1e6).prefix("in ")
@@ -157,7 +159,7 @@ impl Window {
                 self.typed.before = None;
             }
             let field = field.on_hover_text(INTO);
-            let by = std::array::from_fn(|a| by[a] + (there - into) * out[a]);
+            let by = deepened(by, out, into);
             self.turned(&field, (&full, into), || Request::Move { handle: id, by });
         }
         let Some(told) = told(one, figures.letters.is_some()) else { return };
@@ -258,6 +260,26 @@ fn lag(one: &Spot) -> Option<f64> {
     (left > (LAG[0] * length(by)).max(LAG[1])).then(|| length(gone))
 }
 
+/// Whether a move goes into the surface or out of it, but for little.
+fn is_straight(by: [f64; 3], out: [f64; 3]) -> bool {
+    dot(by, out).abs() > STRAIGHT * length(by)
+}
+
+/// How far a move goes into the surface (mm): the whole of one that goes straight in or out, however its reach turns the surface's way a little.
+fn depth(by: [f64; 3], out: [f64; 3]) -> f64 {
+    let along = -dot(by, out);
+    if is_straight(by, out) { length(by).copysign(along) } else { along }
+}
+
+/// A move that goes so far into the surface instead.
+fn deepened(by: [f64; 3], out: [f64; 3], into: f64) -> [f64; 3] {
+    let there = depth(by, out);
+    if is_straight(by, out) {
+        return by.map(|part| part * into / there);
+    }
+    std::array::from_fn(|a| by[a] + (there - into) * out[a])
+}
+
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| a[i] * b[i]).sum()
 }
@@ -314,6 +336,20 @@ mod tests {
         assert_eq!(told(&spot([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]), false).unwrap(), "3.2 mm");
         assert_eq!(said([0.0; 3], [0.0; 3]), None);
         assert_eq!(told(&Spot { by: None, with: Some([1.0; 3]), ..spot([0.0; 3], [0.0; 3]) }, true), None);
+    }
+
+    #[test]
+    fn what_goes_straight_in_is_as_deep_as_it_is_long() {
+        let out = [0.0, 1.0, 0.0];
+        let slant = [0.0, -4.9, 1.0];
+        assert!((depth(slant, out) - length(slant)).abs() < 1e-12, "a wider radius turns the way a little");
+        assert_eq!(deepened(slant, out, 2.0 * length(slant)), slant.map(|part| 2.0 * part));
+        assert_eq!(depth([0.0, 2.0, 0.1], out), -length([0.0, 2.0, 0.1]));
+        assert_eq!(
+            (depth([3.0, -1.0, 0.0], out), deepened([3.0, -1.0, 0.0], out, 2.5)),
+            (1.0, [3.0, -2.5, 0.0])
+        );
+        assert_eq!((depth([0.0; 3], out), deepened([0.0; 3], out, 5.0)), (0.0, [0.0, -5.0, 0.0]));
     }
 
     #[test]

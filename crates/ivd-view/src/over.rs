@@ -214,6 +214,13 @@ impl Over<'_> {
             // Between two places of the volume it goes into depth, too.
             Pane::Volume if measures => return,
             _ if measures => format!("{length:.1} mm"),
+            // A cut is a disc about the middle of its mouth.
+            Pane::Volume if self.tool == Tool::Incise => {
+                format!("{length:.0} mm, {:.0} mm deep", length / 2.0)
+            }
+            _ if self.tool == Tool::Incise => {
+                format!("{length:.0} mm, {:.0} mm to either side", length / 2.0)
+            }
             _ => format!("{length:.0} mm"),
         };
         self.write(to + vec2(10.0, -8.0), Align2::LEFT_BOTTOM, length, LETTERS, colour);

@@ -122,6 +122,11 @@ impl Model {
         if self.compared.shows == Shows::Rest { end.rest } else { end.now }
     }
 
+    /// Where the ends of all rulers are shown.
+    pub(super) fn shown_ends(&self) -> impl Iterator<Item = [f64; 3]> {
+        self.rulers.iter().flat_map(|one| &one.ends).map(|end| self.shown_end(end))
+    }
+
     /// Refuses lines that are none.
     fn check_ends(&self, ends: &[End]) -> Result<(), Error> {
         let least = SHORTEST * self.session.rest().grid().voxel_diagonal();
@@ -168,10 +173,14 @@ impl Model {
     /// What is told of the rulers.
     pub(crate) fn told_rulers(&self) -> Vec<Ruler> {
         let grid = self.session.rest().grid();
+        let mut first = 0;
         let told = |Places { id, ends }: &Places| {
             let now: Vec<_> = ends.iter().map(|end| end.now).collect();
             let rest: Vec<_> = ends.iter().map(|end| end.rest).collect();
             let shown: Vec<_> = ends.iter().map(|end| self.shown_end(end)).collect();
+            let mut beside = self.panes.planes.beside(grid, &shown);
+            beside[0] = self.hides_ends(first, ends.len());
+            first += ends.len();
             Ruler {
                 id: *id,
                 mm: lengths(&now),
@@ -179,7 +188,7 @@ impl Model {
                 degrees: angle(&now),
                 rest_degrees: angle(&rest),
                 at: shown.iter().map(|place| self.panes.shares(grid, &self.lens, *place)).collect(),
-                beside: self.panes.planes.beside(grid, &shown),
+                beside,
                 now,
                 rest,
             }

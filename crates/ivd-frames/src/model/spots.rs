@@ -10,7 +10,7 @@ use crate::panes::Depth;
 use crate::planes::BESIDE;
 use crate::{Error, Pane, Shows};
 
-/// How far what the volume's picture shows lies before handles and pins.
+/// How far what the volume's picture shows lies before handles, pins and the ends of rulers, in that order.
 #[derive(Debug, Default)]
 pub(super) struct Hidden {
     /// Version of that picture, and where they are seen in it.
@@ -126,17 +126,33 @@ impl Model {
     pub(super) fn find_hidden(&mut self) {
         self.place_spots();
         self.cast_at_spots();
-        let beside = BESIDE * self.session.rest().grid().voxel_diagonal();
+        let beside = self.behind();
         for (spot, by) in self.spots.iter_mut().chain(&mut self.pins).zip(&self.hidden.by) {
             spot.beside[0] = *by > beside;
             spot.seen[0] = *by <= spot.radius.max(beside);
         }
     }
 
+    /// How far behind what the volume's picture shows something may lie and isn't hidden (mm).
+    fn behind(&self) -> f64 {
+        BESIDE * self.session.rest().grid().voxel_diagonal()
+    }
+
+    /// Whether the volume's picture hides any of so many ends of rulers, from one on.
+    pub(super) fn hides_ends(&self, first: usize, count: usize) -> bool {
+        let ends = self.hidden.by.iter().skip(self.spots.len() + self.pins.len() + first).take(count);
+        ends.fold(f64::NEG_INFINITY, |most, by| most.max(*by)) > self.behind()
+    }
+
     /// Finds by how much each is hidden in the volume's picture, where that or they have changed.
     fn cast_at_spots(&mut self) {
-        let spots = || self.spots.iter().chain(&self.pins);
-        let of = (self.versions[Pane::Volume.number()], spots().map(|spot| spot.at[0]).collect());
+        let spots = self.spots.iter().chain(&self.pins);
+        let spots = spots.map(|spot| (spot.at[0], [spot.now, spot.rest]));
+        let grid = self.session.rest().grid();
+        let ends = self.shown_ends();
+        let ends = ends.map(|place| (self.panes.shares(grid, &self.lens, place)[0], [place; 2]));
+        let places: Vec<_> = spots.chain(ends).collect();
+        let of = (self.versions[Pane::Volume.number()], places.iter().map(|(at, _)| *at).collect());
         if self.hidden.of == of {
             return;
         }
@@ -145,7 +161,7 @@ impl Model {
         let mut is_known = true;
         // Of divided pictures each half shows a body of its own.
         for half in [false, true] {
-            let here = spots().enumerate().filter_map(|(n, spot)| Some((n, spot, spot.at[0]?)));
+            let here = places.iter().enumerate().filter_map(|(n, (at, place))| Some((n, place, (*at)?)));
             let here: Vec<_> = here.filter(|(.., at)| self.compared.is_rest_at(*at) == half).collect();
             let Some((.., first)) = here.first() else { continue };
             let shares: Vec<_> = here.iter().map(|(.., at)| (*at, Depth::Shown)).collect();
@@ -153,8 +169,8 @@ impl Model {
             let seen = self.panes.look_at_all(&shares, volume, self.transfer.as_ref(), &self.exec);
             // What can't be told is shown, and asked again.
             is_known &= seen.is_ok();
-            for ((n, spot, _), seen) in here.iter().zip(seen.unwrap_or_default()) {
-                let place = Vector3::from(if half { spot.rest } else { spot.now });
+            for ((n, place, _), seen) in here.iter().zip(seen.unwrap_or_default()) {
+                let place = Vector3::from(place[usize::from(half)]);
                 by[*n] = seen.map_or(by[*n], |seen| (Vector3::from(seen) - place).dot(&towards_eye));
             }
         }

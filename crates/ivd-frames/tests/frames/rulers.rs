@@ -2,6 +2,7 @@
 
 use ivd_core::{Grid, Volume, Voxels};
 use ivd_frames::{Figures, Model, Pane, Request, Ruler, Shows};
+use ivd_render::Side;
 use nalgebra::Vector3;
 
 use super::common::{BALL, model};
@@ -131,6 +132,17 @@ fn between_two_places_of_the_volume_it_is_measured_through_space() {
         let away = (Vector3::from(*end) - Vector3::from(CENTRE)).norm();
         assert!((away - 10.0).abs() < 0.3, "{away}");
     }
+    // From the other side the ball hides it, and again not.
+    let in_slice = [[25.0, -10.0, 50.0], [28.0, -6.0, 62.0]];
+    for (side, hidden) in [(Side::Front, false), (Side::Back, true), (Side::Front, false)] {
+        let told = follow(&mut model, &Request::Look { side });
+        assert_eq!(told.rulers[0].beside[0], hidden, "{side:?}");
+    }
+    follow(&mut model, &Request::Look { side: Side::Back });
+    let within = ruler(&mut model, &in_slice);
+    let told = model.figures();
+    assert_eq!((told.rulers[0].beside[0], within.beside[0]), (true, true), "each by its own ends");
+    follow(&mut model, &Request::Unmeasure { ruler: within.id });
     for (from, to) in [([0.01; 2], to), (from, [0.01; 2]), (from, from)] {
         assert!(model.follow(&Request::Measure { pane: Pane::Volume, from, to }).is_err());
     }
