@@ -30,12 +30,12 @@ const BEHIND: &str = "Further on voxels would fold over one another, so they are
 const WAYS: [[&str; 2]; 3] = [["left", "right"], ["backwards", "forwards"], ["down", "up"]];
 /// ... an axis that it goes along by less of its length (sine of 20°) is left out.
 const ALONG: f64 = 0.34;
-/// What goes so much along the way into the surface or out of it goes straight (18°).
-const STRAIGHT: f64 = 0.95;
+/// What goes so much along the way into the surface or out of it goes straight (14°).
+const STRAIGHT: f64 = 0.97;
 /// What goes within 45° of the way into the surface or out of it goes in or out.
 const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Into the surface.
-const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out. What it goes aside stays";
+const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out. What it goes aside stays, where that is more than 14°";
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -341,7 +341,7 @@ mod tests {
     #[test]
     fn what_goes_straight_in_is_as_deep_as_it_is_long() {
         let out = [0.0, 1.0, 0.0];
-        let slant = [0.0, -4.9, 1.0];
+        let slant = [0.0, -4.9, 0.9];
         assert!((depth(slant, out) - length(slant)).abs() < 1e-12, "a wider radius turns the way a little");
         assert_eq!(deepened(slant, out, 2.0 * length(slant)), slant.map(|part| 2.0 * part));
         assert_eq!(depth([0.0, 2.0, 0.1], out), -length([0.0, 2.0, 0.1]));
