@@ -232,13 +232,16 @@ mod tests {
         assert_eq!((history.before().unwrap(), history.bytes), (None, 0));
     }
 
+    /// Bytes of a name: some thousands of such steps are too many.
+    const NAME: usize = 1000;
+
     #[test]
     fn the_oldest_steps_go_when_there_are_too_many() {
         let mut history = History::default();
-        let count = MOST_BYTES / size_of::<Past>();
+        let count = MOST_BYTES / NAME;
         for number in 1..=count {
             let (step, before) = step(number);
-            history.push(step, before);
+            history.push(Step { name: "n".repeat(NAME), ..step }, before);
         }
         let kept = history.steps().count();
         assert_eq!(history.counts(), [count as u64; 2], "those that were let go count");

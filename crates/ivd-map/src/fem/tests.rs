@@ -253,9 +253,9 @@ fn classes_without_labels_and_labels_of_another_grid_are_refused() {
 
 #[test]
 fn what_cannot_be_is_refused_in_bounded_steps_and_cancelling_is_heard() {
-    let grid = Grid::with_spacing([18, 18, 18], [1.0; 3]).unwrap();
-    let (all, _) = pushed(&grid, 4.5, 34.0);
-    let params = FemParams { band: Band { margin: Some(3.4), ..elastic().band }, ..elastic() };
+    let grid = Grid::with_spacing([12, 12, 12], [1.0; 3]).unwrap();
+    let (all, _) = pushed(&grid, 3.0, 22.0);
+    let params = FemParams { band: Band { margin: Some(2.2), ..elastic().band }, ..elastic() };
     let error = all.elastic(&params, &Exec::default()).unwrap_err();
     assert_eq!(error.error_class(), ErrorClass::Untrusted, "{error}");
     assert!(error.to_string().contains("no balance of forces"), "{error}");
