@@ -82,7 +82,7 @@ fn every_recipe_runs_and_gives_what_it_says() {
     ]) {
         there(name);
     }
-    (0..10).for_each(|i| there(&format!("frames/frames/press_{i:04}.nii.gz")));
+    (0..10).for_each(|i| there(&format!("frames/volumes/press_{i:04}.nii.gz")));
     (0..10).for_each(|i| there(&format!("frames/pictures/press_{i:04}.png")));
     // The nose went in by what each command asked for.
     for (page, wanted) in [("nose/report.html", 5.0), ("nose-3/report.html", 3.0)] {
@@ -94,6 +94,21 @@ fn every_recipe_runs_and_gives_what_it_says() {
     let skull = json(at, &["info", "skull.ivd"])["content"]["extent_mm"].clone();
     let lowest = skull["low"][2].as_f64().unwrap();
     assert!((59.0..60.0).contains(&lowest), "{skull}");
+    // What is written for other programs can be told again: the mesh, and which way the field leads and how far.
+    let stl = json(at, &["info", "skull.stl"]);
+    assert_eq!((&stl["kind"], &stl["content"]["space"]), (&"mesh file".into(), &"RAS".into()));
+    let top = |told: &Value| told["high"][2].as_f64().unwrap();
+    assert!((top(&stl["content"]["extent_mm"]) - top(&skull)).abs() < 1.0, "{stl}");
+    for (file, way) in
+        [("to-rest.nrrd", "inverse"), ("to-deformed.nrrd", "forward"), ("nose/to-rest.nrrd", "inverse")]
+    {
+        let told = json(at, &["info", file]);
+        assert_eq!(
+            (&told["kind"], &told["content"]["direction"]),
+            (&"displacement field file".into(), &way.into())
+        );
+        assert!((told["content"]["largest_mm"].as_f64().unwrap() - 5.0).abs() < 0.1, "{told}");
+    }
     // Deformed labels are the same classes, of about as many voxels.
     let voxels = |file: &str| -> Vec<(Value, f64)> {
         let told = json(at, &["info", file]);

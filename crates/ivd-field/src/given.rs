@@ -35,7 +35,7 @@ pub struct Given {
 pub fn displacement(grid: Grid, field: FieldBricks, leads: Leads, exec: &Exec) -> Result<Given, Error> {
     let proven = |field: &FieldBricks, what: &'static str| {
         let proof = certify(field, &grid, THIN, |_| true, exec)?;
-        match proof.folded.first() {
+        match proof.folded.iter().min_by(|a, b| a.lower.total_cmp(&b.lower)) {
             None => Ok(proof),
             Some(fold) => {
                 let at: [f64; 3] =
@@ -43,7 +43,7 @@ pub fn displacement(grid: Grid, field: FieldBricks, leads: Leads, exec: &Exec) -
                 Err(Error::Untrusted {
                     what,
                     problem: format!(
-                        "it folds in {}, the first at voxel {:?} of the grid that it lies on, at {at:.1?} mm, where det J falls to {:.3}",
+                        "it folds in {}, worst at voxel {:?} of the grid that it lies on, at {at:.1?} mm, where det J falls to {:.3}",
                         counted(proof.folded.len(), "cell", "cells"),
                         fold.cell,
                         fold.lower

@@ -1,7 +1,8 @@
 //! What an artefact holds, as figures.
 
 use ivd_artefact::Artefact;
-use ivd_core::{Grid, Labels, VoxelCoord};
+use ivd_core::{Grid, Labels, Mesh, VoxelCoord};
+use ivd_io::volume::{FieldDirection, GivenField};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -142,6 +143,25 @@ pub fn describe(artefact: &Artefact) -> Value {
             "heights": t.height_range(), "bridges": t.bridges,
         }),
     }
+}
+
+/// What a displacement field of another program holds, which is nothing that a stage gives: where it lies, and how far it leads.
+pub fn describe_field(field: &GivenField) -> Value {
+    let length = |vector: &[f32; 3]| Vector3::from(vector.map(f64::from)).norm();
+    let vectors = field.vectors.vectors();
+    json!({
+        "kind": "displacement field", "grid": grid_facts(&field.grid), "direction": field.direction.map(FieldDirection::name),
+        "largest_mm": vectors.par_iter().map(length).reduce(|| 0.0, f64::max),
+        "voxels_moved": vectors.iter().filter(|vector| **vector != [0.0; 3]).count(),
+    })
+}
+
+/// What a mesh of another program holds.
+pub fn describe_mesh(mesh: &Mesh) -> Value {
+    json!({
+        "kind": "mesh", "vertices": mesh.positions.len(), "triangles": mesh.triangles.len(), "units": "mm", "space": "RAS",
+        "extent_mm": extent(mesh.positions.iter().copied()),
+    })
 }
 
 #[cfg(test)]

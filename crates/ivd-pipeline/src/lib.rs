@@ -63,7 +63,7 @@ pub mod stages;
 
 pub use compare::compare;
 pub use control::{Control, Decisions};
-pub use describe::describe;
+pub use describe::{describe, describe_field, describe_mesh};
 pub use error::Error;
 pub use export::{
     ExportOptions, FIELD_ENDINGS, check_frame, ending, export, export_with, is_of_another_format,

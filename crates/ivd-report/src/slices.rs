@@ -12,6 +12,8 @@ use crate::planes::{Plane, planes};
 const SIDE: f64 = 330.0;
 /// Share of the values of a slice that may be darker than black, or lighter than white.
 const CLIPPED: f64 = 0.002;
+/// What moves at least by this share of the largest motion is among what moves furthest.
+const NEARLY: f64 = 0.9;
 
 /// The middle slices of a labelling; `colour` is that of a class by its place in the list of the labels' classes.
 ///
@@ -96,12 +98,12 @@ impl Outlines<'_> {
     }
 }
 
-/// Slices through the voxel that moves furthest.
+/// Slices through a voxel that moves about furthest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MovedSlices {
-    /// That voxel, at rest.
+    /// That voxel, at rest: of all that move nearly as far as any, the one of the greatest value. Others may lie in air.
     pub at: [usize; 3],
-    /// How far it moves (mm).
+    /// How far the voxel that moves furthest does (mm).
     pub largest: f64,
     /// In each of the three planes: at rest, deformed, and how far every voxel at rest moves.
     images: Vec<[Image; 3]>,
@@ -118,7 +120,7 @@ impl MovedSlices {
         motion: &Displacement,
         outlines: Option<Outlines<'_>>,
     ) -> Result<Option<Self>, Error> {
-        let Some((at, largest)) = furthest(motion) else { return Ok(None) };
+        let Some((at, largest)) = furthest(volume, motion) else { return Ok(None) };
         let dims = volume.grid().dims();
         let all = planes(volume.grid());
         let images = all.iter().map(|plane| {
@@ -229,20 +231,27 @@ fn rows<const N: usize, E: From<Error>>(
     Ok(html)
 }
 
-/// The voxel of the longest vector at rest, and its length (mm).
-fn furthest(motion: &Displacement) -> Option<([usize; 3], f64)> {
+/// A voxel that moves about furthest, and how far the one does that moves furthest (mm); `None` where nothing moves.
+fn furthest(volume: &Volume, motion: &Displacement) -> Option<([usize; 3], f64)> {
     let (field, dims) = (motion.forward(), motion.grid().dims());
     let bricks = field.brick_dims();
-    let stored = field.table().iter().enumerate().filter_map(|(brick, _)| Some((brick, field.brick(brick)?)));
-    let far = stored.flat_map(|(brick, vectors)| {
-        let corner = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
-        vectors.iter().enumerate().map(move |(i, &vector)| {
-            let within = [i % 8, i / 8 % 8, i / 64];
-            (std::array::from_fn(|a| 8 * corner[a] + within[a]), length(vector))
-        })
-    });
-    let inside = far.filter(|(voxel, _): &([usize; 3], f64)| (0..3).all(|a| voxel[a] < dims[a]));
-    inside.reduce(|a, b| if b.1 > a.1 { b } else { a }).filter(|(_, far)| *far > 0.0)
+    let far = || {
+        let stored =
+            field.table().iter().enumerate().filter_map(|(brick, _)| Some((brick, field.brick(brick)?)));
+        let far = stored.flat_map(|(brick, vectors)| {
+            let corner = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+            vectors.iter().enumerate().map(move |(i, &vector)| {
+                let within = [i % 8, i / 8 % 8, i / 64];
+                (std::array::from_fn(|a| 8 * corner[a] + within[a]), length(vector))
+            })
+        });
+        far.filter(|(voxel, _): &([usize; 3], f64)| (0..3).all(|a| voxel[a] < dims[a]))
+    };
+    let largest = far().map(|(_, far)| far).fold(0.0, f64::max);
+    let value = |voxel: [usize; 3]| Some(volume.value(VoxelIndex(voxel))).filter(|value| value.is_finite());
+    let near = far().filter(|(_, far)| *far > 0.0 && *far >= NEARLY * largest);
+    let near = near.map(|(voxel, _)| (voxel, value(voxel).unwrap_or(f64::NEG_INFINITY)));
+    near.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(voxel, _)| (voxel, largest))
 }
 
 fn length(vector: [f32; 3]) -> f64 {
@@ -425,6 +434,13 @@ mod tests {
         let motion = Displacement::new(grid.clone(), field(up), field(down)).unwrap();
         let moved = MovedSlices::of(&volume, &motion, None).unwrap().unwrap();
         assert_eq!((moved.at, moved.largest), ([11, 12, 13], 4.0));
+        // Of those that move nearly as far it is the brightest, as others may lie in air.
+        let mut nearly = motion.forward().vectors().to_vec();
+        nearly[3 + 8 * (4 + 8 * 7)] = [0.0, 0.0, 3.8];
+        let back = motion.inverse().clone();
+        let nearly = Displacement::new(grid.clone(), field(nearly), back).unwrap();
+        let shown = MovedSlices::of(&volume, &nearly, None).unwrap().unwrap();
+        assert_eq!((shown.at, shown.largest), ([11, 12, 15], 4.0));
         // Deformed, what was at z − 1 lies at z; elsewhere nothing changes.
         assert_eq!(deformed(&volume, &motion, [9, 9, 10]), 9.0);
         assert_eq!(deformed(&volume, &motion, [2, 9, 10]), 10.0);

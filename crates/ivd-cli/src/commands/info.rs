@@ -4,9 +4,10 @@ use std::path::Path;
 
 use ivd_artefact::{Artefact, Cache};
 use ivd_core::{Classified as _, counted};
-use ivd_io::volume::ReadOptions;
+use ivd_io::mesh::Format as MeshFormat;
 use ivd_io::volume::dicom::{self, Series};
-use ivd_pipeline::{Error, describe};
+use ivd_io::volume::{ReadOptions, read_field};
+use ivd_pipeline::{Error, describe, describe_field, describe_mesh};
 use serde_json::{Map, Value, json};
 
 use super::at;
@@ -40,7 +41,7 @@ fn series_line(series: &Series) -> String {
     let [x, y, z] = series.spacing.map(known);
     let [columns, rows] = series.size;
     // What nothing names is chosen by nothing.
-    let word = if series.series.is_empty() { "\"\" (a series without a number)" } else { &series.series };
+    let word = if series.series.is_empty() { "--series \"\" (it has no number)" } else { &series.series };
     let uneven = series
         .uneven_mm
         .map_or_else(String::new, |mm| format!(", slices unevenly spaced by up to {mm:.4} mm"));
@@ -83,8 +84,11 @@ pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::R
     }
     let mut object = if file.is_file() && ivd_artefact::is_artefact(file) {
         artefact(file, context)?
+    } else if let Some(told) = mesh(file, context)? {
+        told
     } else {
-        volume(file, series, context)?
+        // What holds vectors is no volume.
+        volume(file, series, context).or_else(|refused| field(file, context).ok_or(refused))?
     };
     if let Value::Object(map) = &mut object {
         map.insert("path".to_owned(), json!(file));
@@ -163,6 +167,22 @@ fn volume(file: &Path, series: Option<String>, context: &Context) -> anyhow::Res
         })?;
     let content = context.exec.run(|| describe(&input.artefact));
     Ok(json!({ "kind": "volume file", "hash": input.hash.to_string(), "content": content }))
+}
+
+/// A mesh file of any program; `None` of what has another ending.
+fn mesh(file: &Path, context: &Context) -> anyhow::Result<Option<Value>> {
+    if !file.is_file() || MeshFormat::of(file).is_none() {
+        return Ok(None);
+    }
+    let mesh = ivd_io::mesh::read(file, context.exec.memory_limit.unwrap_or(u64::MAX))
+        .map_err(|error| Failure::of(error.error_class(), error.to_string()))?;
+    Ok(Some(json!({ "kind": "mesh file", "content": describe_mesh(&mesh) })))
+}
+
+/// A displacement field of another program; `None` of what is none.
+fn field(file: &Path, context: &Context) -> Option<Value> {
+    let found = read_field(file, &context.exec).ok()?;
+    Some(json!({ "kind": "displacement field file", "content": context.exec.run(|| describe_field(&found)) }))
 }
 
 /// Tables and displacements are for `ivd export … .json`.

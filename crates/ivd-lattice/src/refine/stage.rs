@@ -137,7 +137,7 @@ impl RefineFigures {
         let why = self.last.reached.stopped_by.why()?;
         Some(match self.within_mm {
             Some(mm) => format!("within {mm} mm, as asked for, it gets no coarser: {why}"),
-            None => format!("the target isn't reached: {why}"),
+            None => format!("it isn't as coarse as asked for: {why}"),
         })
     }
 }

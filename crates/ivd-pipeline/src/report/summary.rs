@@ -105,11 +105,14 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
         rows.push((
             "refined",
             format!(
-                "by {}; {} of {}, {}at most {} mm off",
+                "by {}; {} of {}, {}proven to lie within {} mm of it",
                 of_record(records, refine::STAGE.name, "method"),
                 last.vertices,
                 counted(found.vertices_in, "vertex", "vertices"),
-                last.seen_error_mm.map_or_else(String::new, |seen| format!("{} mm, ", number(seen))),
+                last.seen_error_mm.map_or_else(String::new, |seen| format!(
+                    "at most {} mm from the surface as cut where that was looked at, ",
+                    number(seen)
+                )),
                 number(last.max_error_mm)
             ),
         ));
