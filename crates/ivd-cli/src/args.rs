@@ -196,7 +196,7 @@ pub(crate) enum Command {
     },
     /// Describes what a file holds.
     Info {
-        /// Artefact, volume file or folder.
+        /// Artefact; volume, mesh or displacement field of any program; or folder.
         file: PathBuf,
         /// Of a DICOM folder: the series that it holds, each with the value that `ivd import --series` takes for it; with one (--series=3), what
         /// that series holds.

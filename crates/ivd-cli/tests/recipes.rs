@@ -84,11 +84,13 @@ fn every_recipe_runs_and_gives_what_it_says() {
     }
     (0..10).for_each(|i| there(&format!("frames/volumes/press_{i:04}.nii.gz")));
     (0..10).for_each(|i| there(&format!("frames/pictures/press_{i:04}.png")));
-    // The nose went in by what each command asked for.
+    // The nose went in by what each command asked for; smoothest, voxels go up to 2 % further.
     for (page, wanted) in [("nose/report.html", 5.0), ("nose-3/report.html", 3.0)] {
         let page = std::fs::read_to_string(at.join(page)).unwrap();
         let told = page.split("data-figure='map.largest_mm' data-value='").nth(1).unwrap().split('\'').next();
-        assert!((told.unwrap().parse::<f64>().unwrap() - wanted).abs() < 0.05, "{told:?}");
+        let largest = told.unwrap().parse::<f64>().unwrap();
+        assert!((wanted - 0.05..=1.02 * wanted).contains(&largest), "{told:?}");
+        assert!(!page.contains('▲'), "a recipe to trust");
     }
     // The skull lies above the plane at 60 mm, and ends within a voxel of 1 mm beyond it, as the page says.
     let skull = json(at, &["info", "skull.ivd"])["content"]["extent_mm"].clone();

@@ -80,7 +80,7 @@ fn specks_of_a_lattice_warn_where_they_lie_in_what_moves_and_are_noted_elsewhere
         let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
         // Who doesn't open it is told that it marks something.
         let marks =
-            told.contains("report: it marks (▲) what to look at before it is trusted: lattice and refine");
+            told.contains("report: marks (▲) what to look at before it is trusted: lattice and refine");
         assert_eq!(marks, page.contains('▲'), "{told}");
         page
     };

@@ -35,7 +35,7 @@ pub struct Given {
 pub fn displacement(grid: Grid, field: FieldBricks, leads: Leads, exec: &Exec) -> Result<Given, Error> {
     let proven = |field: &FieldBricks, what: &'static str| {
         let proof = certify(field, &grid, THIN, |_| true, exec)?;
-        match proof.folded.iter().min_by(|a, b| a.lower.total_cmp(&b.lower)) {
+        match proof.worst.filter(|_| !proof.holds()) {
             None => Ok(proof),
             Some(fold) => {
                 let at: [f64; 3] =

@@ -126,7 +126,7 @@ pub struct Ruler {
     pub rest_degrees: Option<f64>,
     /// Where each pane shows each place, as shares.
     pub at: Vec<[Option<[f64; 2]>; 4]>,
-    /// Whether any of the places lies beside each pane's slice.
+    /// Whether any of the places lies beside each pane's slice, or behind what the volume shows there.
     pub beside: [bool; 4],
 }
 

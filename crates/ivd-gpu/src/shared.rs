@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use ivd_core::{Answer, Voxels};
 
-use crate::cast::kept::State;
+use crate::cast::state::State;
 use crate::kept::Kept;
 use crate::pass::Desk;
 use crate::shader::assemble;

@@ -45,7 +45,7 @@ fn chosen(frame: Option<u32>, motion: &Motion) -> usize {
 }
 
 /// Raised for all methods together: what they share is most of them.
-const REVISION: u32 = 15;
+const REVISION: u32 = 16;
 
 /// What is taken for each voxel that is reached, with cells of 1, 2 and 4 voxels.
 fn by_cell(cell: Option<u8>, bytes: [u64; 3]) -> u64 {

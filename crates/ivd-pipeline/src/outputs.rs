@@ -324,7 +324,8 @@ impl<'a> Writer<'a> {
             let _ = std::fs::remove_file(self.out.join(file));
         }
         let data = std::mem::take(&mut self.data);
-        record.remark = report::remark(stages, data.specks_moved)?;
+        // What can't be told is told by the page.
+        record.remark = report::remark(stages, data.specks_moved).ok().flatten();
         let (before, written) = (self.files.len(), self.files.clone());
         self.file(name, Path::new(file), &source, |to, exec| {
             if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {

@@ -232,7 +232,7 @@ mod tests {
         assert_eq!((history.before().unwrap(), history.bytes), (None, 0));
     }
 
-    /// Bytes of a name: some thousands of such steps are too many.
+    /// Bytes of a name: under 17,000 of such steps are too many.
     const NAME: usize = 1000;
 
     #[test]

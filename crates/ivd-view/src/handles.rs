@@ -35,7 +35,7 @@ const STRAIGHT: f64 = 0.97;
 /// What goes within 45° of the way into the surface or out of it goes in or out.
 const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Into the surface.
-const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out. What it goes aside stays, where that is more than 14°";
+const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out; the whole way of what is straight but for 14°. What it goes aside stays";
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -240,9 +240,9 @@ pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
     let way = ways.join(" and ");
     let out = one.out.map_or(0.0, |out| dot(by, out));
     let side = if out > 0.0 { "out" } else { "in" };
-    // What isn't along that way by more than is written is told with how much of it is.
+    // What isn't straight along that way is told with how much of it is.
     let whole = length(by);
-    let (first, part) = match (out.abs() >= SIDE * whole, whole - out.abs() < 0.05) {
+    let (first, part) = match (out.abs() >= SIDE * whole, one.out.is_some_and(|out| is_straight(by, out))) {
         (false, _) => ("", String::new()),
         (true, true) => (side, String::new()),
         (true, false) => ("", format!(", of that {:.1} mm {side}", out.abs())),
@@ -271,13 +271,13 @@ fn depth(by: [f64; 3], out: [f64; 3]) -> f64 {
     if is_straight(by, out) { length(by).copysign(along) } else { along }
 }
 
-/// A move that goes so far into the surface instead.
+/// A move that goes so far into the surface instead, and as far aside.
 fn deepened(by: [f64; 3], out: [f64; 3], into: f64) -> [f64; 3] {
-    let there = depth(by, out);
-    if is_straight(by, out) {
-        return by.map(|part| part * into / there);
-    }
-    std::array::from_fn(|a| by[a] + (there - into) * out[a])
+    let aside: [f64; 3] = std::array::from_fn(|a| by[a] - dot(by, out) * out[a]);
+    let to = |along: f64| std::array::from_fn(|a| aside[a] - along * out[a]);
+    // Of a straight one the whole is so long.
+    let whole = to((into * into - dot(aside, aside)).max(0.0).sqrt().copysign(into));
+    if is_straight(whole, out) { whole } else { to(into) }
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -343,13 +343,18 @@ mod tests {
         let out = [0.0, 1.0, 0.0];
         let slant = [0.0, -4.9, 0.9];
         assert!((depth(slant, out) - length(slant)).abs() < 1e-12, "a wider radius turns the way a little");
-        assert_eq!(deepened(slant, out, 2.0 * length(slant)), slant.map(|part| 2.0 * part));
         assert_eq!(depth([0.0, 2.0, 0.1], out), -length([0.0, 2.0, 0.1]));
-        assert_eq!(
-            (depth([3.0, -1.0, 0.0], out), deepened([3.0, -1.0, 0.0], out, 2.5)),
-            (1.0, [3.0, -2.5, 0.0])
-        );
-        assert_eq!((depth([0.0; 3], out), deepened([0.0; 3], out, 5.0)), (0.0, [0.0, -5.0, 0.0]));
+        assert_eq!(depth([0.0; 3], out), 0.0);
+        assert_eq!(deepened([3.0, -1.0, 0.0], out, 2.5), [3.0, -2.5, 0.0]);
+        // What is typed is what is told, and the way aside stays, however it is come by.
+        for (by, into) in
+            [(slant, 7.0), (slant, 0.0), (slant, -6.0), ([1.2, -2.0, 0.0], 5.5), ([0.0; 3], 5.0)]
+        {
+            let deeper = deepened(by, out, into);
+            assert!((depth(deeper, out) - into).abs() < 1e-12, "{by:?}, {into}: {deeper:?}");
+            assert_eq!([deeper[0], deeper[2]], [by[0], by[2]]);
+        }
+        assert_eq!(deepened([1e-200, 0.0, 0.0], out, 2.0), [1e-200, -2.0, 0.0]);
     }
 
     #[test]

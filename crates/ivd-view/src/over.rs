@@ -214,12 +214,12 @@ impl Over<'_> {
             // Between two places of the volume it goes into depth, too.
             Pane::Volume if measures => return,
             _ if measures => format!("{length:.1} mm"),
-            // A cut is a disc about the middle of its mouth.
+            // A cut is a disc about the middle of its mouth, which over what is round is longer than it looks.
             Pane::Volume if self.tool == Tool::Incise => {
-                format!("{length:.0} mm, {:.0} mm deep", length / 2.0)
+                format!("{length:.0} mm, at least {:.1} mm deep", length / 2.0)
             }
             _ if self.tool == Tool::Incise => {
-                format!("{length:.0} mm, {:.0} mm to either side", length / 2.0)
+                format!("{length:.0} mm, {:.1} mm before and behind the slice", length / 2.0)
             }
             _ => format!("{length:.0} mm"),
         };
@@ -244,7 +244,7 @@ impl Over<'_> {
     /// A ruler with its lengths, and its angle where it has one.
     fn ruler(&self, figures: &Figures, ruler: &Ruler) {
         let number = self.pane.number();
-        // What doesn't lie in a slice is faint there, without its numbers.
+        // What doesn't lie in a slice, or is hidden in the volume, is faint there, without its numbers.
         let faint = ruler.beside[number];
         let colour = if faint { RULER.gamma_multiply(0.3) } else { RULER };
         let ends: Option<Vec<Pos2>> = ruler.at.iter().map(|at| Some(self.place(at[number]?))).collect();

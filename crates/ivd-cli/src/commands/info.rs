@@ -6,7 +6,7 @@ use ivd_artefact::{Artefact, Cache};
 use ivd_core::{Classified as _, counted};
 use ivd_io::mesh::Format as MeshFormat;
 use ivd_io::volume::dicom::{self, Series};
-use ivd_io::volume::{ReadOptions, read_field};
+use ivd_io::volume::{Error as VolumeError, ReadOptions, read_field};
 use ivd_pipeline::{Error, describe, describe_field, describe_mesh};
 use serde_json::{Map, Value, json};
 
@@ -40,8 +40,8 @@ fn series_line(series: &Series) -> String {
     let known = |length: Option<f64>| length.map_or_else(|| "?".to_owned(), |mm| format!("{mm:.4}"));
     let [x, y, z] = series.spacing.map(known);
     let [columns, rows] = series.size;
-    // What nothing names is chosen by nothing.
-    let word = if series.series.is_empty() { "--series \"\" (it has no number)" } else { &series.series };
+    let word =
+        if series.series.is_empty() { "\"\" (it has no number: --series \"\")" } else { &series.series };
     let uneven = series
         .uneven_mm
         .map_or_else(String::new, |mm| format!(", slices unevenly spaced by up to {mm:.4} mm"));
@@ -87,8 +87,12 @@ pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::R
     } else if let Some(told) = mesh(file, context)? {
         told
     } else {
-        // What holds vectors is no volume.
-        volume(file, series, context).or_else(|refused| field(file, context).ok_or(refused))?
+        match (volume(file, series, context), file.is_file()) {
+            (Ok(told), _) => told,
+            // What holds vectors is no volume.
+            (Err(refused), true) => field(file, context)?.ok_or(refused)?,
+            (Err(refused), false) => return Err(refused),
+        }
     };
     if let Value::Object(map) = &mut object {
         map.insert("path".to_owned(), json!(file));
@@ -180,9 +184,15 @@ fn mesh(file: &Path, context: &Context) -> anyhow::Result<Option<Value>> {
 }
 
 /// A displacement field of another program; `None` of what is none.
-fn field(file: &Path, context: &Context) -> Option<Value> {
-    let found = read_field(file, &context.exec).ok()?;
-    Some(json!({ "kind": "displacement field file", "content": context.exec.run(|| describe_field(&found)) }))
+fn field(file: &Path, context: &Context) -> anyhow::Result<Option<Value>> {
+    let found = match read_field(file, &context.exec) {
+        Ok(found) => found,
+        // Of another format, or of something else than vectors.
+        Err(VolumeError::Unsupported { .. }) => return Ok(None),
+        Err(error) => return Err(Failure::of(error.error_class(), error.to_string())),
+    };
+    let content = context.exec.run(|| describe_field(&found));
+    Ok(Some(json!({ "kind": "displacement field file", "content": content })))
 }
 
 /// Tables and displacements are for `ivd export … .json`.

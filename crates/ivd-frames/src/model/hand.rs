@@ -7,8 +7,7 @@ use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
 use super::{Drag, MOST_WORK, Model, no_more_than, nothing_there, sheet};
-use crate::figures::value_at;
-use crate::figures::{Hovered, Refused, Spot};
+use crate::figures::{Hovered, Refused, Spot, value_at};
 use crate::panes::Across;
 use crate::request::MOST_HANDLES;
 use crate::{Axis, Error, Pane, SEEN_ASIDE};

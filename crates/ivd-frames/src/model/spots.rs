@@ -10,11 +10,14 @@ use crate::panes::Depth;
 use crate::planes::BESIDE;
 use crate::{Error, Pane, Shows};
 
+/// Where something is seen in the volume's picture, and where it is now and at rest.
+type Place = (Option<[f64; 2]>, [[f64; 3]; 2]);
+
 /// How far what the volume's picture shows lies before handles, pins and the ends of rulers, in that order.
 #[derive(Debug, Default)]
 pub(super) struct Hidden {
-    /// Version of that picture, and where they are seen in it.
-    of: (u64, Vec<Option<[f64; 2]>>),
+    /// Version of that picture, and what was looked for in it.
+    of: (u64, Vec<Place>),
     /// By how much each is hidden (mm); less than 0: it lies before what is seen.
     by: Vec<f64>,
 }
@@ -149,15 +152,19 @@ impl Model {
         let spots = self.spots.iter().chain(&self.pins);
         let spots = spots.map(|spot| (spot.at[0], [spot.now, spot.rest]));
         let grid = self.session.rest().grid();
-        let ends = self.shown_ends();
-        let ends = ends.map(|place| (self.panes.shares(grid, &self.lens, place)[0], [place; 2]));
-        let places: Vec<_> = spots.chain(ends).collect();
-        let of = (self.versions[Pane::Volume.number()], places.iter().map(|(at, _)| *at).collect());
+        // Of divided pictures a ruler counts in the half that shows the body as it is.
+        let counts = |at: &[f64; 2]| self.compared.shows != Shows::Both || !self.compared.is_rest_at(*at);
+        let ends = self.shown_ends().map(|place| {
+            let at = self.panes.shares(grid, &self.lens, place)[0];
+            (at.filter(counts), [place; 2])
+        });
+        let of: (u64, Vec<Place>) = (self.versions[Pane::Volume.number()], spots.chain(ends).collect());
         if self.hidden.of == of {
             return;
         }
         let towards_eye = Vector3::from(self.lens.axes()[2]);
-        let mut by = vec![f64::NEG_INFINITY; of.1.len()];
+        let places = &of.1;
+        let mut by = vec![f64::NEG_INFINITY; places.len()];
         let mut is_known = true;
         // Of divided pictures each half shows a body of its own.
         for half in [false, true] {

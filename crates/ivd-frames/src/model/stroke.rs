@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 
 use super::Model;
 use super::parts::cut_of;
-use crate::figures::Incision;
-use crate::figures::value_at;
+use crate::figures::{Incision, value_at};
 use crate::panes::Across;
 use crate::{Error, Pane, Request};
 

@@ -5,8 +5,7 @@ use ivd_field::lies::Lies;
 use ivd_session::{MapChoice, Physics};
 
 use super::Model;
-use crate::figures::value_at;
-use crate::figures::{Clipped, Figures, letters};
+use crate::figures::{Clipped, Figures, letters, value_at};
 
 impl Figures {
     /// What there is to tell of a model.

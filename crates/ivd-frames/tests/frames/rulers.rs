@@ -138,10 +138,15 @@ fn between_two_places_of_the_volume_it_is_measured_through_space() {
         let told = follow(&mut model, &Request::Look { side });
         assert_eq!(told.rulers[0].beside[0], hidden, "{side:?}");
     }
-    follow(&mut model, &Request::Look { side: Side::Back });
+    // Each by its own ends, however many handles and pins there are: one within the ball is hidden from everywhere.
+    follow(&mut model, &Request::Add { place: [30.0, -2.0, 55.0], by: [0.0; 3] });
     let within = ruler(&mut model, &in_slice);
-    let told = model.figures();
-    assert_eq!((told.rulers[0].beside[0], within.beside[0]), (true, true), "each by its own ends");
+    let hidden = |told: &Figures| told.rulers.iter().map(|one| one.beside[0]).collect::<Vec<_>>();
+    assert_eq!(hidden(&model.figures()), [false, true]);
+    // Elsewhere along the line of sight it is seen where it was, and hidden no more.
+    let before = in_slice.map(|[x, _, z]| [x, 40.0, z]);
+    let told = follow(&mut model, &Request::Ruler { ruler: Some(within.id), places: before.to_vec() });
+    assert_eq!(hidden(&told), [false, false]);
     follow(&mut model, &Request::Unmeasure { ruler: within.id });
     for (from, to) in [([0.01; 2], to), (from, [0.01; 2]), (from, from)] {
         assert!(model.follow(&Request::Measure { pane: Pane::Volume, from, to }).is_err());

@@ -1,9 +1,9 @@
 //! The kernel `render/cast`.
 
-pub(crate) mod kept;
 mod look;
 mod numbers;
 mod resident;
+pub(crate) mod state;
 
 use std::time::{Duration, Instant};
 
@@ -16,10 +16,10 @@ use crate::gpu::{Count, PATIENCE, Reading};
 use crate::kept::Kept;
 use crate::shared::{Opened, answer};
 use crate::{Error, SharedGpu, Timed};
-use kept::Rooms;
 use look::defines;
 use numbers::{CAMERA_BYTES, PARAMS_BYTES, PICTURE_BYTES, Part, RAY_BYTES, TILE, camera, params, rays};
 use resident::sampled;
+use state::Rooms;
 
 /// Bytes of a pixel, and of what is told of a tile.
 const PIXEL_BYTES: u64 = 16;

@@ -35,6 +35,14 @@ pub fn read_field(path: &Path, exec: &Exec) -> Result<GivenField, Error> {
                 return Err(Error::unsupported(path, "a displacement field in this format", remedy));
             }
         };
+        if found.voxels.voxel_type().is_integer() {
+            let what = "three whole numbers a voxel, which is a picture in colour and";
+            return Err(Error::unsupported(
+                path,
+                what,
+                "a displacement field has real numbers (mm); write it as floats",
+            ));
+        }
         let direction = [FieldDirection::Forward, FieldDirection::Inverse]
             .into_iter()
             .find(|direction| found.says.starts_with(direction.name()));

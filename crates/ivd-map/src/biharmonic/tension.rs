@@ -124,13 +124,31 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 break;
             }
             if left > 2.0 * was {
-                return Ok(before);
+                return self.halfway(job, i, before, exec);
             }
             return self.tighten(job, made, kept, (bound.most, i + 1), Vec::new(), exec);
         }
         Self::finish(job, system, whole, exec)?;
         let made = self.make(job, system, whole, exec)?;
         self.tighten(job, made, kept, (bound.most, 0), steps, exec)
+    }
+
+    /// The field between a tension and the looser one before it, where that goes further than it may and the tenser leaves the lattice behind; or the looser,
+    /// where this one does, too.
+    fn halfway(&self, job: &Job<'_>, i: usize, before: Made, exec: &Exec) -> Result<Made, Error> {
+        let looser = if i > 0 { TENSIONS[i - 1] } else { TENSIONS[0] * TENSIONS[0] / TENSIONS[1] };
+        let between = Job { tension: (looser * TENSIONS[i]).sqrt(), ..*job };
+        exec.check_cancelled()?;
+        let system = self.system(
+            Cells::new(self.lattice.grid(), job.room, job.edge),
+            job.room,
+            &self.voxels,
+            between.tension,
+        );
+        let step = Self::solve(&between, &system, None, None, exec)?;
+        let made = self.make(&between, &system, &step, exec)?;
+        let follows = self.misfit(job, &made) <= CLOSE;
+        Ok(if follows && longest(&made.field) < longest(&before.field) { made } else { before })
     }
 
     /// Finds the nodes of a step as well as if they hadn't been told to go too far.

@@ -42,7 +42,10 @@ pub(crate) fn html(
         &body_or_problem(summary(loaded, records, data.specks_moved)),
     );
     if let (Some(moved), Some(Artefact::Volume(volume))) = (&data.moved, data.volume.as_deref()) {
-        page.section("Slices through what moves furthest", &moved.html(volume.grid(), lettered, png_bytes)?);
+        page.section(
+            "Slices through what moves about furthest",
+            &moved.html(volume.grid(), lettered, png_bytes)?,
+        );
     }
     if let (Some(result), Some(Artefact::Volume(volume))) = (&data.result, data.volume.as_deref()) {
         page.section("Slices of what came of it", &result.html(volume.grid(), lettered, png_bytes)?);

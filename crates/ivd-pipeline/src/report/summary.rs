@@ -63,7 +63,7 @@ pub(crate) fn remark(records: &[StageRecord], specks_moved: Option<u64>) -> Resu
     let told = told(records, specks_moved, map.as_ref())?;
     let marked = told.iter().filter(|told| told.warns).map(|told| format!("{}{}", told.about, told.frame));
     let marked = marked.collect::<Vec<String>>().join("; ");
-    let remark = format!("it marks (▲) what to look at before it is trusted: {marked}");
+    let remark = format!("marks (▲) what to look at before it is trusted: {marked}");
     Ok(Some(remark).filter(|_| !marked.is_empty()))
 }
 
@@ -105,15 +105,15 @@ fn settings(loaded: &Loaded, records: &[StageRecord]) -> Result<Vec<(&'static st
         rows.push((
             "refined",
             format!(
-                "by {}; {} of {}, {}proven to lie within {} mm of it",
+                "by {}; {} of {}, proven to lie within {} mm of the surface as cut{}",
                 of_record(records, refine::STAGE.name, "method"),
                 last.vertices,
                 counted(found.vertices_in, "vertex", "vertices"),
+                number(last.max_error_mm),
                 last.seen_error_mm.map_or_else(String::new, |seen| format!(
-                    "at most {} mm from the surface as cut where that was looked at, ",
+                    " ({} mm where that was looked at)",
                     number(seen)
                 )),
-                number(last.max_error_mm)
             ),
         ));
     }

@@ -344,7 +344,7 @@ function rulers(context, number, place, unit) {
   for (const one of shown.rulers ?? []) {
     const ends = one.at.map((at) => place(at[number]));
     if (!ends.every(Boolean)) continue;
-    // What doesn't lie in a slice is faint there, without its numbers.
+    // What doesn't lie in a slice, or is hidden in the volume, is faint there, without its numbers.
     const faint = one.beside[number];
     context.globalAlpha = faint ? 0.3 : 1;
     context.lineWidth = 1.5 * unit;
