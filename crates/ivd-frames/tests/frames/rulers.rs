@@ -133,18 +133,18 @@ fn between_two_places_of_the_volume_it_is_measured_through_space() {
         assert!((away - 10.0).abs() < 0.3, "{away}");
     }
     // From the other side the ball hides it, and again not.
-    let in_slice = [[25.0, -10.0, 50.0], [28.0, -6.0, 62.0]];
+    let far_side = [[30.0, -20.0, 55.0], [28.0, -18.0, 58.0]];
     for (side, hidden) in [(Side::Front, false), (Side::Back, true), (Side::Front, false)] {
         let told = follow(&mut model, &Request::Look { side });
         assert_eq!(told.rulers[0].beside[0], hidden, "{side:?}");
     }
-    // Each by its own ends, however many handles and pins there are: one within the ball is hidden from everywhere.
+    // Each by its own ends, however many handles and pins there are: one on the far side is hidden.
     follow(&mut model, &Request::Add { place: [30.0, -2.0, 55.0], by: [0.0; 3] });
-    let within = ruler(&mut model, &in_slice);
+    let within = ruler(&mut model, &far_side);
     let hidden = |told: &Figures| told.rulers.iter().map(|one| one.beside[0]).collect::<Vec<_>>();
     assert_eq!(hidden(&model.figures()), [false, true]);
     // Elsewhere along the line of sight it is seen where it was, and hidden no more.
-    let before = in_slice.map(|[x, _, z]| [x, 40.0, z]);
+    let before = far_side.map(|[x, _, z]| [x, 40.0, z]);
     let told = follow(&mut model, &Request::Ruler { ruler: Some(within.id), places: before.to_vec() });
     assert_eq!(hidden(&told), [false, false]);
     follow(&mut model, &Request::Unmeasure { ruler: within.id });

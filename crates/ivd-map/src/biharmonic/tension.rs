@@ -16,6 +16,9 @@ use crate::Error;
 /// Weights of a membrane's energy beside the bending, in units of their diagonals.
 const TENSIONS: [f64; 4] = [0.03, 0.3, 3.0, 30.0];
 
+/// Halves that are tried between two of them.
+const HALVINGS: usize = 3;
+
 /// The sum of motions over that of their lengths from which on they go one way, ...
 const ONE_WAY: f64 = 0.95;
 /// ... or do by and large, ...
@@ -124,7 +127,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
                 break;
             }
             if left > 2.0 * was {
-                return self.halfway(job, i, before, exec);
+                return self.halfway(job, i, bound.most, before, exec);
             }
             return self.tighten(job, made, kept, (bound.most, i + 1), Vec::new(), exec);
         }
@@ -133,22 +136,29 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         self.tighten(job, made, kept, (bound.most, 0), steps, exec)
     }
 
-    /// The field between a tension and the looser one before it, where that goes further than it may and the tenser leaves the lattice behind; or the looser,
-    /// where this one does, too.
-    fn halfway(&self, job: &Job<'_>, i: usize, before: Made, exec: &Exec) -> Result<Made, Error> {
-        let looser = if i > 0 { TENSIONS[i - 1] } else { TENSIONS[0] * TENSIONS[0] / TENSIONS[1] };
-        let between = Job { tension: (looser * TENSIONS[i]).sqrt(), ..*job };
-        exec.check_cancelled()?;
-        let system = self.system(
-            Cells::new(self.lattice.grid(), job.room, job.edge),
-            job.room,
-            &self.voxels,
-            between.tension,
-        );
-        let step = Self::solve(&between, &system, None, None, exec)?;
-        let made = self.make(&between, &system, &step, exec)?;
-        let follows = self.misfit(job, &made) <= CLOSE;
-        Ok(if follows && longest(&made.field) < longest(&before.field) { made } else { before })
+    /// A field between that of a tension, which leaves the lattice behind, and that of the looser one before it, which goes further than it may: the one that goes
+    /// least far of those that were tried and follow, by halves in orders of magnitude.
+    fn halfway(&self, job: &Job<'_>, i: usize, most: f64, looser: Made, exec: &Exec) -> Result<Made, Error> {
+        let before = if i > 0 { TENSIONS[i - 1] } else { TENSIONS[0] * TENSIONS[0] / TENSIONS[1] };
+        let (mut best, mut ends) = (looser, [before, TENSIONS[i]]);
+        for _ in 0..HALVINGS {
+            exec.check_cancelled()?;
+            let tension = (ends[0] * ends[1]).sqrt();
+            let between = Job { tension, ..*job };
+            let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
+            let system = self.system(cells, job.room, &self.voxels, tension);
+            let step = Self::solve(&between, &system, None, None, exec)?;
+            let made = self.make(&between, &system, &step, exec)?;
+            let (follows, far) = (self.misfit(job, &made) <= CLOSE, longest(&made.field));
+            ends[usize::from(!follows || far <= most)] = tension;
+            if follows && far < longest(&best.field) {
+                best = made;
+            }
+            if follows && far <= most {
+                break;
+            }
+        }
+        Ok(best)
     }
 
     /// Finds the nodes of a step as well as if they hadn't been told to go too far.
