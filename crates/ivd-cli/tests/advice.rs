@@ -71,7 +71,7 @@ fn specks_that_a_refinement_stops_at_are_one_thing_to_know_in_a_report() {
     assert!(told.contains("min_part of lattice leaves small parts out"), "{told}");
     let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
     assert_eq!(page.matches("▲ Look at:</b>").count(), 1);
-    assert!(page.contains("reached: most of what is left are specks"));
+    assert!(page.contains("as coarse as asked for: most of what is left are specks"));
     assert!(
         page.contains("▲ Look at:</b> lattice and refine:")
             && page.contains("leaves them out (`ivd lattice --min-part")
