@@ -481,7 +481,7 @@ fn motions_that_no_vector_holds_and_cancelled_work_end_with_a_reason() {
 }
 
 /// A bump of a radius on a ball, moved by a length.
-fn bumped(ball_radius: f64, radius: f64, length: f64) -> Scene {
+pub(super) fn bumped(ball_radius: f64, radius: f64, length: f64) -> Scene {
     let grid = Grid::with_spacing([32; 3], [1.0; 3]).unwrap();
     let centre = middle(&grid);
     let top = centre + Vector3::new(0.0, 0.0, ball_radius);
