@@ -166,8 +166,8 @@ pub(crate) fn finish(
         output.display()
     ));
     // A target that wasn't met is said with what stood in the way.
-    if let Some(remark) = &record.remark {
-        context.say(&format!("ivd: note: {}: {remark}", record.stage));
+    if let Some(told) = record.told_remark() {
+        context.say(&format!("ivd: note: {told}"));
     }
     context.print(&record, String::new)
 }

@@ -204,8 +204,8 @@ fn walk(
 
 /// Tells what a stage's figures say for people.
 fn note_remark(record: &StageRecord, exec: &Exec) {
-    if let Some(remark) = &record.remark {
-        exec.observer().note(&format!("{}: {remark}", record.stage));
+    if let Some(told) = record.told_remark() {
+        exec.observer().note(&told);
     }
 }
 

@@ -104,6 +104,11 @@ pub struct StageRecord {
 }
 
 impl StageRecord {
+    /// What a person should know of the result, with whose it is.
+    pub fn told_remark(&self) -> Option<String> {
+        self.remark.as_ref().map(|remark| format!("{}: {remark}", self.stage))
+    }
+
     /// Of a stage that has done nothing yet.
     pub(crate) fn new(stage: &str, state: State) -> Self {
         Self {

@@ -248,9 +248,12 @@ fn furthest(volume: &Volume, motion: &Displacement) -> Option<([usize; 3], f64)>
         far.filter(|(voxel, _): &([usize; 3], f64)| (0..3).all(|a| voxel[a] < dims[a]))
     };
     let largest = far().map(|(_, far)| far).fold(0.0, f64::max);
-    let value = |voxel: [usize; 3]| Some(volume.value(VoxelIndex(voxel))).filter(|value| value.is_finite());
+    let value = |voxel: [usize; 3]| {
+        let value = volume.value(VoxelIndex(voxel));
+        if value.is_finite() { value } else { f64::NEG_INFINITY }
+    };
     let near = far().filter(|(_, far)| *far > 0.0 && *far >= NEARLY * largest);
-    let near = near.map(|(voxel, _)| (voxel, value(voxel).unwrap_or(f64::NEG_INFINITY)));
+    let near = near.map(|(voxel, _)| (voxel, value(voxel)));
     near.reduce(|a, b| if b.1 > a.1 { b } else { a }).map(|(voxel, _)| (voxel, largest))
 }
 

@@ -87,12 +87,8 @@ pub(super) fn run(file: &Path, asked: Asked<'_>, context: &Context) -> anyhow::R
     } else if let Some(told) = mesh(file, context)? {
         told
     } else {
-        match (volume(file, series, context), file.is_file()) {
-            (Ok(told), _) => told,
-            // What holds vectors is no volume.
-            (Err(refused), true) => field(file, context)?.ok_or(refused)?,
-            (Err(refused), false) => return Err(refused),
-        }
+        // What holds vectors is no volume.
+        volume(file, series, context).or_else(|refused| field(file, refused, context))?
     };
     if let Value::Object(map) = &mut object {
         map.insert("path".to_owned(), json!(file));
@@ -183,16 +179,20 @@ fn mesh(file: &Path, context: &Context) -> anyhow::Result<Option<Value>> {
     Ok(Some(json!({ "kind": "mesh file", "content": describe_mesh(&mesh) })))
 }
 
-/// A displacement field of another program; `None` of what is none.
-fn field(file: &Path, context: &Context) -> anyhow::Result<Option<Value>> {
-    let found = match read_field(file, &context.exec) {
-        Ok(found) => found,
+/// A displacement field of another program; of what is none, why it was refused before.
+fn field(file: &Path, refused: anyhow::Error, context: &Context) -> anyhow::Result<Value> {
+    if !file.is_file() {
+        return Err(refused);
+    }
+    match read_field(file, &context.exec) {
+        Ok(found) => {
+            let content = context.exec.run(|| describe_field(&found));
+            Ok(json!({ "kind": "displacement field file", "content": content }))
+        }
         // Of another format, or of something else than vectors.
-        Err(VolumeError::Unsupported { .. }) => return Ok(None),
-        Err(error) => return Err(Failure::of(error.error_class(), error.to_string())),
-    };
-    let content = context.exec.run(|| describe_field(&found));
-    Ok(Some(json!({ "kind": "displacement field file", "content": content })))
+        Err(VolumeError::Unsupported { .. }) => Err(refused),
+        Err(error) => Err(Failure::of(error.error_class(), error.to_string())),
+    }
 }
 
 /// Tables and displacements are for `ivd export … .json`.

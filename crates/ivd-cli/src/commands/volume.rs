@@ -78,8 +78,8 @@ pub(super) fn import(
     let done = context.run(&cache, &stage, &Inputs::default())?;
     let Some(drawn) = drawn(taken) else { return finish(&stage, done, output, context) };
     // What is made of the volume is told by its own record.
-    if let Some(remark) = &done.record.remark {
-        context.say(&format!("ivd: note: {}: {remark}", done.record.stage));
+    if let Some(told) = done.record.told_remark() {
+        context.say(&format!("ivd: note: {told}"));
     }
     take(drawn, done.input(), like, output, &cache, context)
 }

@@ -25,6 +25,7 @@ const ONE_WAY: f64 = 0.95;
 const MOSTLY_ONE_WAY: f64 = 0.5;
 /// ... where a turn of them all makes less than this share.
 const TURNED: f64 = 0.1;
+
 /// Equations that are kept, or aren't.
 enum Equations<'a> {
     Kept(&'a System),
@@ -145,12 +146,11 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             exec.check_cancelled()?;
             let tension = (ends[0] * ends[1]).sqrt();
             let between = Job { tension, ..*job };
-            let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
-            let system = self.system(cells, job.room, &self.voxels, tension);
+            let system = self.system_of(&between);
             let step = Self::solve(&between, &system, None, None, exec)?;
             let made = self.make(&between, &system, &step, exec)?;
             let (follows, far) = (self.misfit(job, &made) <= CLOSE, longest(&made.field));
-            ends[usize::from(!follows || far <= most)] = tension;
+            ends[usize::from(!follows)] = tension;
             if follows && far < longest(&best.field) {
                 best = made;
             }
@@ -212,11 +212,15 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         misfit_of(&self.lattice, job.settle.motion, &made.field, job.frame)
     }
 
+    /// The equations of a job.
+    fn system_of(&self, job: &Job<'_>) -> System {
+        self.system(Cells::new(self.lattice.grid(), job.room, job.edge), job.room, &self.voxels, job.tension)
+    }
+
     /// The equations under a tension: kept ones, or new ones that a drag keeps.
     fn under_tension<'k>(&self, job: &Job<'_>, i: usize, kept: &'k mut Vec<System>) -> Equations<'k> {
         if kept.len() <= i {
-            let cells = Cells::new(self.lattice.grid(), job.room, job.edge);
-            let system = self.system(cells, job.room, &self.voxels, job.tension);
+            let system = self.system_of(job);
             if !self.keeps || kept.len() < i {
                 return Equations::Once(Box::new(system));
             }
@@ -280,10 +284,7 @@ mod tests {
                 let told = scene.motions().iter().map(Vector3::norm).fold(0.0, f64::max);
                 let mut map = Biharmonic::new(&scene.lattice, Outside::Band, &exec).unwrap();
                 let mapped = map.drag(&scene.motion, 0, &smooth(), &exec).unwrap();
-                let forward = mapped.displacement.forward();
-                let far = voxels(scene.lattice.grid())
-                    .map(|v| Vector3::from(forward.at(v)).map(f64::from).norm())
-                    .fold(0.0, f64::max);
+                let far = longest(mapped.displacement.forward());
                 // What is steep can't be followed under a tension that holds it to 2 %.
                 let most = if radius > 4.0 * length { 1.04 } else { 1.15 };
                 assert!(far <= most * told, "{ball_radius}, {radius}, {length}: {}", far / told);
