@@ -1,12 +1,12 @@
 //! What is under the pointer, and what is held.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
-use super::{Drag, MOST_WORK, Model, no_more_than, nothing_there, sheet};
+use super::{Drag, Model, no_more_than, nothing_there, sheet};
 use crate::figures::{Hovered, Refused, Spot, value_at};
 use crate::panes::Across;
 use crate::request::MOST_HANDLES;
@@ -18,14 +18,8 @@ const NEAR: f64 = 0.025;
 const LEAST_SHARE: f64 = 0.02;
 /// Of a way that is longer than this share of the radius no more is tried to be gone at once.
 const FARTHEST: f64 = 0.5;
-/// A hand that drags isn't followed where that takes longer: what comes closer does.
-const MOST_DRAG: Duration = Duration::from_secs(3);
 /// So often what is held is tried to come closer at a time.
 const TRIES: usize = 4;
-/// A window that is at work waits no longer than this, and one try, for that; ...
-const AT_WORK: Duration = Duration::from_millis(200);
-/// ... and this once it is let go of. No try takes longer than that.
-const QUICK: Duration = Duration::from_secs(2);
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
 const END_ON: f64 = 0.01;
 /// Elsewhere than where a surface is seen from in front it goes with the hand, and so many times as far at most.
@@ -191,10 +185,10 @@ impl Model {
     pub(super) fn follow_hand(&mut self) -> Result<(), Error> {
         let Some(drag) = self.drag else { return Ok(()) };
         let began = Instant::now();
-        let late =
-            self.apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, MOST_DRAG)?;
+        let late = self
+            .apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, self.patience.drag)?;
         self.drag = self.drag.map(|drag| Drag { late, ..drag });
-        self.try_closer(began + AT_WORK)
+        self.try_closer(began + self.patience.tries)
     }
 
     /// Tries a few times to come closer to a hand that is ahead, once it is late no more than once.
@@ -220,7 +214,7 @@ impl Model {
         // How far can be gone goes by the radius: from a hand that is far away it would be found late.
         let way = drag.wanted - by;
         let there = by + way * (drag.share * (FARTHEST * handle.radius / way.norm()).min(1.0));
-        self.apply_within(Event::Move { handle: drag.handle, by: there.into() }, QUICK)?;
+        self.apply_within(Event::Move { handle: drag.handle, by: there.into() }, self.patience.one_try)?;
         let share = match self.drag {
             // It was stopped meanwhile.
             Some(Drag { share: 0.0, .. }) => 0.0,
@@ -260,13 +254,16 @@ impl Model {
             return Ok(());
         }
         if let Some(drag) = self.drag.filter(|drag| drag.late && self.is_ahead()) {
-            self.apply_within(Event::Move { handle: drag.handle, by: drag.wanted.into() }, MOST_WORK)?;
+            self.apply_within(
+                Event::Move { handle: drag.handle, by: drag.wanted.into() },
+                self.patience.work,
+            )?;
             if self.refused.is_none() || self.drag.is_some_and(|drag| drag.share == 0.0) {
                 return Ok(());
             }
         }
         self.drag = self.drag.map(|drag| Drag { share: drag.share.max(2.0 * LEAST_SHARE), ..drag });
-        self.try_closer(Instant::now() + QUICK)
+        self.try_closer(Instant::now() + self.patience.dropped)
     }
 }
 

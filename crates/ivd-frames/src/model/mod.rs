@@ -9,6 +9,7 @@ mod looks;
 mod map;
 mod matter;
 mod parts;
+mod patience;
 mod refusal;
 mod replay;
 mod rulers;
@@ -36,11 +37,9 @@ use crate::request::MOST_HANDLES;
 use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
+pub use patience::Patience;
 use refusal::is_move;
 pub(crate) use window::usual_radius;
-
-/// A solve that takes longer is refused: a window that doesn't answer is worse.
-const MOST_WORK: Duration = Duration::from_secs(15);
 
 /// What is shown and worked on.
 pub struct Model {
@@ -88,6 +87,7 @@ pub struct Model {
     /// Rise with every change of what a pane shows.
     versions: [u64; 4],
     exec: Exec,
+    patience: Patience,
     /// Stops what is worked on, and nothing else.
     stop: Cancel,
 }
@@ -171,6 +171,7 @@ impl Model {
             next_ruler: 0,
             versions: [1; 4],
             exec,
+            patience: Patience::default(),
             stop: Cancel::default(),
             subject,
         };
@@ -178,6 +179,11 @@ impl Model {
         model.keep();
         model.find_spots()?;
         Ok(model)
+    }
+
+    /// Waits so long from now on.
+    pub fn wait(&mut self, patience: Patience) {
+        self.patience = patience;
     }
 
     /// What it shows.
@@ -426,7 +432,7 @@ impl Model {
 
     /// Applies an event. What can't be followed changes nothing, and the figures say why; only interruption is an error.
     fn apply(&mut self, event: Event) -> Result<(), Error> {
-        self.apply_within(event, MOST_WORK).map(|_| ())
+        self.apply_within(event, self.patience.work).map(|_| ())
     }
 
     /// The same where it may take so long; whether it was given up as it took longer.
@@ -451,13 +457,13 @@ impl Model {
         match gone {
             Ok(Some(update)) => self.show(&update),
             Ok(None) => Ok(()),
-            Err(error) => self.refuse(&error, exec, (false, MOST_WORK)).map(|_| ()),
+            Err(error) => self.refuse(&error, exec, (false, self.patience.work)).map(|_| ()),
         }
     }
 
     /// Work that is given up where it takes too long.
     fn in_time(&self) -> Exec {
-        self.within(MOST_WORK)
+        self.within(self.patience.work)
     }
 
     /// Work that is given up where it takes longer.

@@ -1,6 +1,6 @@
 use ivd_artefact::Cache;
 use ivd_core::Exec;
-use ivd_frames::{Model, Subject, Tell};
+use ivd_frames::{Model, Patience, Subject, Tell};
 use ivd_pipeline::scene::{Loaded, parse};
 
 /// A ball of 32³ voxels of 1 mm with values that fall outwards, cut halfway.
@@ -10,10 +10,13 @@ pub(crate) fn loaded(text: &str) -> Loaded {
     Loaded { scene: parse(text, &[]).unwrap(), folder: ".".into(), file: "scene.toml".into() }
 }
 
+/// What a scene shows. It waits as long as it takes: what comes of a drag is the same on every machine.
 pub(crate) fn model(text: &str) -> Model {
     let exec = Exec::default();
     let subject = Subject::open(&loaded(text), false, &Cache::disabled(), &exec, &Tell::default()).unwrap();
-    Model::new(subject, [128, 128], exec).unwrap()
+    let mut model = Model::new(subject, [128, 128], exec).unwrap();
+    model.wait(Patience::ENDLESS);
+    model
 }
 
 /// Numbers that look random.
