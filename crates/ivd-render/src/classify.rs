@@ -21,6 +21,17 @@ pub struct PlanSteep<'a> {
     pub gradient: [f32; 2],
 }
 
+/// What chooses the rows of a transfer function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Rows {
+    /// Nothing does: row 0, the union of all classes, holds everywhere.
+    Union,
+    /// Labels do, and what has none is clear.
+    Labelled,
+    /// Labels do, and the union holds where there is none.
+    LabelledOrUnion,
+}
+
 /// A transfer function made ready for one step length: premultiplied RGB and the opacity of one step, by fast value and row.
 pub(crate) struct Classifier {
     table: Vec<[f32; 4]>,
@@ -37,23 +48,24 @@ pub(crate) struct Classifier {
 
 impl Classifier {
     /// - `range`: fast values to cover; `real` turns them into real ones.
-    /// - `labelled`: whether labels choose rows; label 0 chooses one that is clear.
+    /// - `rows`: what chooses them.
     /// - `step`: step length in reference lengths: the opacity of a step is `1 - (1 - opacity)^step`.
     pub(crate) fn new(
         transfer: &TransferFunction,
         range: [f32; 2],
         real: impl Fn(f64) -> f64,
         step: f64,
-        labelled: bool,
+        rows: Rows,
     ) -> Self {
         let samples = (4 * transfer.resolution()).clamp(LEAST_SAMPLES, 1 << 16);
         let width = f64::from(range[1]) - f64::from(range[0]);
-        let rows = if labelled { transfer.classes().len() } else { 1 };
+        let labelled = rows != Rows::Union;
+        let count = if labelled { transfer.classes().len() } else { 1 };
         let steep = transfer.gradient().map(|by| Steep::new(transfer, by, range, &real, step));
-        let mut table = Vec::with_capacity(rows * samples);
-        let mut occupied = Vec::with_capacity(rows * (samples + 1));
-        for row in 0..rows {
-            let mut count = 0;
+        let mut table = Vec::with_capacity(count * samples);
+        let mut occupied = Vec::with_capacity(count * (samples + 1));
+        for row in 0..count {
+            let mut seen = 0;
             occupied.push(0);
             for i in 0..samples {
                 let value = f64::from(range[0]) + width * (i as f64 / (samples - 1) as f64);
@@ -61,8 +73,8 @@ impl Classifier {
                     Some(steep) => steep.greatest(value),
                     None => of_step(transfer.sample(row, real(value)), step),
                 };
-                count += u32::from(entry[3] > 0.0);
-                occupied.push(count);
+                seen += u32::from(entry[3] > 0.0);
+                occupied.push(seen);
                 table.push(entry);
             }
         }
@@ -71,9 +83,11 @@ impl Classifier {
             for (row, &class) in transfer.classes().iter().enumerate() {
                 starts[usize::from(class)] = (row * samples) as u32;
             }
-            starts[usize::from(NO_DATA)] = (rows * samples) as u32;
-            table.resize((rows + 1) * samples, [0.0; 4]);
-            occupied.resize((rows + 1) * (samples + 1), 0);
+            if rows == Rows::Labelled {
+                starts[usize::from(NO_DATA)] = (count * samples) as u32;
+                table.resize((count + 1) * samples, [0.0; 4]);
+                occupied.resize((count + 1) * (samples + 1), 0);
+            }
             starts
         } else {
             Vec::new()
@@ -224,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_step_of_half_the_reference_gets_the_root_of_the_transparency() {
-        let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 0.5, true);
+        let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 0.5, Rows::Labelled);
         let entry = c.of(90.0);
         assert!((entry[3] - 0.5).abs() < 1e-6, "1 - sqrt(1 - 0.75)");
         assert!((entry[1] - 0.25).abs() < 1e-6, "premultiplied");
@@ -237,7 +251,7 @@ mod tests {
 
     #[test]
     fn clear_ranges_depend_on_the_rows_in_use() {
-        let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 1.0, true);
+        let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 1.0, Rows::Labelled);
         let range = |min, max| BrickRange { min, max, missing: false };
         let (row0, row5) = (c.row_bit(4), c.row_bit(5));
         assert!(c.is_clear(range(0.0, 59.0), 0.0, row0 | row5));

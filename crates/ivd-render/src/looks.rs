@@ -46,6 +46,8 @@ pub struct ClassLooks {
     /// Classes that aren't drawn.
     #[schemars(extend("x-unit" = "1"))]
     pub hide: Vec<u16>,
+    /// Whether what labels leave out (label 0) is drawn as it is without labels; else it is clear.
+    pub unlabelled: bool,
 }
 
 impl ClassLooks {

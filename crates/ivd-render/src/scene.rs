@@ -11,6 +11,8 @@ pub struct Scene<'a> {
     pub transfer: Option<&'a TransferFunction>,
     /// Chooses the transfer function's row at each voxel; label 0 is clear. Without labels row 0 holds.
     pub labels: Option<&'a Labels>,
+    /// Whether row 0 holds at label 0 too: nothing is clear for want of a label.
+    pub unlabelled: bool,
     /// Shows the volume (and the labels) deformed, through the inverse displacement.
     pub displacement: Option<&'a Displacement>,
     /// A displacement that the picture leaves room for without showing it: with that of another picture both are seen by one camera. Where nothing
@@ -30,6 +32,7 @@ impl<'a> Scene<'a> {
             volume,
             transfer: None,
             labels: None,
+            unlabelled: false,
             displacement: None,
             framing: None,
             whole: None,

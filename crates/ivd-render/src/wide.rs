@@ -106,7 +106,7 @@ pub(crate) fn first_hit<T: Pairs>(
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::classify::Classifier;
+    use crate::classify::{Classifier, Rows};
     use crate::dvr::AtMiddle;
     use crate::empty_space::Space;
     use crate::fit::Held;
@@ -171,12 +171,18 @@ mod tests {
         };
         let table = row(20).chain(row(25)).collect();
         let transfer = TransferFunction::new([0.0, scale], 64, 1.0, vec![0, 2], table, vec![]).unwrap();
-        let classifier = Classifier::new(&transfer, [0.0, scale as f32], |v| v, 0.5, LABELLED);
+        let classifier = Classifier::new(
+            &transfer,
+            [0.0, scale as f32],
+            |v| v,
+            0.5,
+            if LABELLED { Rows::Labelled } else { Rows::Union },
+        );
         // What is seen at a value is seen at some gradients.
         let by = (0..64 * 16).map(|i| transfer.table()[i % 64].map(|c| c * ((i / 64) % 3) as f32 / 2.0));
         let by = GradientTable::new(0.2 * scale, [64, 16], by.collect()).unwrap();
         let steep = transfer.clone().with_gradient(by);
-        let steep = Classifier::new(&steep, [0.0, scale as f32], |v| v, 0.5, false);
+        let steep = Classifier::new(&steep, [0.0, scale as f32], |v| v, 0.5, Rows::Union);
         let table = Preintegrated::new(&transfer, [0.0, scale as f32], |v| v, 0.5, &Exec::default()).unwrap();
         let volume = Volume::new(grid.clone(), T::wrap(voxels.clone().into())).unwrap();
         let index = volume.bricks();

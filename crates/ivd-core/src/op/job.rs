@@ -18,6 +18,8 @@ pub enum Want {
     Yes,
     /// It reads it in a scene that has the section of the stage which gives it.
     IfWritten,
+    /// It reads it where a person gives it: as a file, in a scene as one of its input.
+    IfGiven,
 }
 
 /// What figures say beside themselves.

@@ -236,7 +236,7 @@ impl Model {
         if self.subject.looks.is_none() {
             return Ok(());
         }
-        let ClassLooks { opacity, colour, hide } = to_scene(&self.looks);
+        let ClassLooks { opacity, colour, hide, unlabelled: _ } = to_scene(&self.looks);
         let opacity = (!opacity.is_empty()).then(|| json!(opacity));
         let colour = (!colour.is_empty()).then(|| json!(colour));
         let hide = (!hide.is_empty()).then(|| json!(hide));

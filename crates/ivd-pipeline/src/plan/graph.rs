@@ -505,12 +505,19 @@ fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earli
             Some(Named::File(_)) => slot.name,
             None => place.value_for(slot.name, is_made),
         };
-        match (section.wants(slot.name), last(value)) {
-            (Want::Yes, Some(giver)) => node.inputs.push((slot.name, giver.id)),
-            (Want::IfWritten, Some(giver)) if is_written(giver.id) => node.inputs.push((slot.name, giver.id)),
-            (Want::Yes, None) if said.is_some() => node.unmade = Some((slot.name, value)),
-            (Want::Yes, None) if !slot.optional => missing = missing.or(Some(value)),
-            (Want::No | Want::Yes | Want::IfWritten, _) => {}
+        let want = section.wants(slot.name);
+        let is_read = |giver: &&PlanNode| match want {
+            Want::No => false,
+            Want::Yes => true,
+            Want::IfWritten => is_written(giver.id),
+            Want::IfGiven => giver.id.stage == IMPORT,
+        };
+        match last(value) {
+            Some(giver) => node.inputs.extend(Some(giver).filter(is_read).map(|giver| (slot.name, giver.id))),
+            None if want != Want::Yes => {}
+            None if said.is_some() => node.unmade = Some((slot.name, value)),
+            None if !slot.optional => missing = missing.or(Some(value)),
+            None => {}
         }
     }
     node.idle = section.job().idle().map(Idle::Asked).or(missing.map(Idle::Missing));

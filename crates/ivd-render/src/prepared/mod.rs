@@ -75,7 +75,8 @@ impl<'a> Prepared<'a> {
             // Steps between values know no label 0 either: it is shown there.
             let by_voxel =
                 !(params.mode == Mode::Dvr && params.classification == Classification::PreIntegrated);
-            let clears = |labels: &Labels| by_voxel && has_unlabelled(scene.volume, labels);
+            let clears =
+                |labels: &Labels| by_voxel && !scene.unlabelled && has_unlabelled(scene.volume, labels);
             let labels = scene.labels.filter(|labels| has_rows || clears(labels));
             let mut prepared = Self {
                 scene: Scene { labels, ..*scene },

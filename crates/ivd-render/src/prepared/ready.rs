@@ -3,7 +3,7 @@
 use ivd_core::{BrickRange, Exec, Labels, Lattice, TransferFunction};
 
 use crate::camera::{centre, step_mm};
-use crate::classify::Classifier;
+use crate::classify::{Classifier, Rows};
 use crate::empty_space::Space;
 use crate::fit::{DARK, Held};
 use crate::preintegrated::Preintegrated;
@@ -67,11 +67,16 @@ impl Prepared<'_> {
         let range = index.total().map_or([0.0; 2], |(lo, hi)| [self.fast(lo), self.fast(hi)]);
         let step = step_mm(self.scene.volume.grid(), &self.params) / transfer.reference_mm();
         let ids = self.scene.labels.map_or(&[][..], Labels::ids);
+        let rows = match (ids.is_empty(), self.scene.unlabelled) {
+            (true, _) => Rows::Union,
+            (false, false) => Rows::Labelled,
+            (false, true) => Rows::LabelledOrUnion,
+        };
         let real = |fast: f64| self.scene.volume.real(fast + self.shift);
         if self.params.classification == Classification::PreIntegrated {
             return self.pre_integrate(transfer, range, step, exec);
         }
-        let classifier = Classifier::new(transfer, range, real, step, !ids.is_empty());
+        let classifier = Classifier::new(transfer, range, real, step, rows);
         if self.params.skip || self.params.fit == Fit::Visible {
             exec.check_cancelled()?;
             let dims = self.scene.volume.grid().dims();

@@ -25,7 +25,7 @@ pub const STAGE: Stage = Stage {
     positional: &["volume"],
     places: &[
         Place {
-            empty: &[DISPLACEMENT, "labels", "lattice", WHOLE],
+            empty: &[DISPLACEMENT, "lattice", WHOLE],
             from: &[(FRAMING, DISPLACEMENT)],
             if_made: &[FRAMING],
             ..picture("before")
@@ -34,9 +34,9 @@ pub const STAGE: Stage = Stage {
             needs: &[DISPLACEMENT],
             // What is clipped or combined has been deformed already.
             from: &[(VOLUME, "result"), (VOLUME, VOLUME), (WHOLE, VOLUME), (FRAMING, DISPLACEMENT)],
-            with: &[(WHOLE, "result"), (FRAMING, "result")],
-            unless: &[(DISPLACEMENT, "result")],
-            empty: &["labels", "lattice"],
+            with: &[(WHOLE, "result"), (FRAMING, "result"), (LABELS, "mask")],
+            unless: &[(DISPLACEMENT, "result"), (LABELS, "result")],
+            empty: &["lattice"],
             ..picture("after")
         },
         Place {
@@ -51,6 +51,8 @@ pub const STAGE: Stage = Stage {
 };
 /// The slot of what is drawn.
 pub const VOLUME: &str = "volume";
+/// The slot of what tells the parts apart.
+pub(crate) const LABELS: &str = "labels";
 /// The slot of a displacement that is shown.
 pub const DISPLACEMENT: &str = "displacement";
 /// The slot of a volume that decides camera and window, see [`crate::Scene::whole`].
@@ -58,11 +60,14 @@ pub const WHOLE: &str = "whole";
 /// The slot of a displacement that a picture leaves room for.
 pub const FRAMING: &str = "framing";
 
-/// The place of a picture. In one of a scene the nearest voxel's label would draw the grid's steps on every surface.
+/// The place of a picture. It goes by labels where a person chose them and one of them is what moves: what has none is clear, and a skin of
+/// an isovalue would be. What is clipped or combined has labels no more.
 const fn picture(name: &'static str) -> Place {
     Place {
         variant: name,
-        empty: &["labels", "lattice", FRAMING, WHOLE],
+        empty: &["lattice", FRAMING, WHOLE],
+        with: &[(LABELS, "mask")],
+        unless: &[(LABELS, "result")],
         unread: "no output shows a picture",
         amount: Amount::Samples,
         ..Place::only(name)

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::params::MOST_ATTENUATION;
 use crate::plan::Casting;
-use crate::{Fit, Mode, Prepared, RenderParams, Scene, Surroundings};
+use crate::{Classification, Fit, Mode, Prepared, RenderParams, Scene, Surroundings};
 
-use super::{FRAMING, MovedParams, Picked, Plain, RenderFigures, rate};
+use super::{FRAMING, LABELS, MovedParams, Picked, Plain, RenderFigures, rate};
 
 /// What is black and white.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -113,6 +113,15 @@ impl Default for AttenuatedMipParams {
 /// What decides what a picture holds is of no use where that is the volume.
 pub(super) fn wants(slot: &str, picture: &RenderParams) -> Want {
     if slot == FRAMING && picture.fit == Fit::Volume { Want::No } else { Want::Yes }
+}
+
+/// The same of what knows classes: in a scene it goes by labels that a person chose, not by those that values gave. Steps between values know none.
+pub(super) fn wants_coloured(slot: &str, picture: &RenderParams) -> Want {
+    match slot {
+        LABELS if picture.classification == Classification::PreIntegrated => Want::No,
+        LABELS => Want::IfGiven,
+        _ => wants(slot, picture),
+    }
 }
 
 /// Draws a scene.

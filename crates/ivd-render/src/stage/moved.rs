@@ -7,8 +7,8 @@ use ivd_core::{Exec, Image, ParamError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::modes::{CLOSE, REVISION, wants};
-use super::{Coloured, rate};
+use super::modes::{CLOSE, REVISION, wants_coloured};
+use super::{Coloured, LABELS, rate};
 use crate::prepared::LEAST_MOVED;
 use crate::{ClassLooks, Classification, Mode, Prepared, RenderParams, Scene};
 
@@ -74,8 +74,9 @@ impl Op for MovedParams {
     type Figures = MovedFigures;
 
     fn wants(&self, slot: &str) -> Want {
-        // A surface has no colours here.
-        if slot == "transfer" && self.iso.is_some() { Want::No } else { wants(slot, &self.picture) }
+        // A surface has no colours here, and is one of values.
+        let is_of_classes = slot == "transfer" || slot == LABELS;
+        if is_of_classes && self.iso.is_some() { Want::No } else { wants_coloured(slot, &self.picture) }
     }
 
     fn close(&self) -> &'static [&'static str] {
@@ -93,7 +94,8 @@ impl Op for MovedParams {
         let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
         let changed = self.classes.changed(transfer)?;
         let transfer = changed.as_ref().or(transfer).filter(|_| self.iso.is_none());
-        let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
+        let unlabelled = self.classes.unlabelled;
+        let scene = Scene { volume, transfer, labels, unlabelled, displacement, framing, whole, lattice };
         let prepared = Prepared::new(&scene, &self.asked(), exec)?;
         let found = prepared.draw_moved(self.picture.view, exec)?;
         let figures = MovedFigures {

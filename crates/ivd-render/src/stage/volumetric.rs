@@ -9,7 +9,7 @@ use crate::{Across, ClassLooks, Classification, Mode, RenderParams, Scene, Surro
 
 use crate::params::MOST_SLICES;
 
-use super::modes::{CLOSE, REVISION, drawn, wants};
+use super::modes::{CLOSE, REVISION, drawn, wants_coloured};
 use super::{Coloured, MovedParams, RenderFigures};
 
 /// Direct volume rendering: emission and absorption by the transfer function.
@@ -102,7 +102,7 @@ macro_rules! coloured {
             }
 
             fn wants(&self, slot: &str) -> Want {
-                wants(slot, &self.picture)
+                wants_coloured(slot, &self.picture)
             }
 
             fn close(&self) -> &'static [&'static str] {
@@ -117,7 +117,9 @@ macro_rules! coloured {
                 let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
                 let changed = self.classes.changed(transfer)?;
                 let transfer = changed.as_ref().or(transfer);
-                let scene = Scene { volume, transfer, labels, displacement, framing, whole, lattice };
+                let unlabelled = self.classes.unlabelled;
+                let scene =
+                    Scene { volume, transfer, labels, unlabelled, displacement, framing, whole, lattice };
                 drawn(&scene, &self.asked(), exec)
             }
         }
