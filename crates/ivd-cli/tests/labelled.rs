@@ -73,6 +73,54 @@ fn labels_of_a_file_stand_in_for_a_segmentation_and_go_along_with_the_scan() {
 }
 
 #[test]
+fn pictures_go_by_labels_that_a_person_chose_where_one_of_them_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    // What lies outermost has no label.
+    json(at, &["export", "t.ivd", "-o", "t.raw"]);
+    let ids = std::fs::read(at.join("t.raw")).unwrap().into_iter().map(|id| if id == 1 { 0 } else { id });
+    std::fs::write(at.join("inner.nrrd"), labels(32, 0, &ids.collect::<Vec<_>>())).unwrap();
+    json(at, &["import", "inner.nrrd", "--labels", "--like", "v.ivd", "-o", "inner.ivd"]);
+    let outputs = "[output]\nimages = [\"before\", \"after\"]\n";
+    let drawn = |iso: &str, render: &str| {
+        let scene = SCENE.replace("organs.nii.gz", "inner.nrrd").replace("[boundary]\nclass = 3\n", iso);
+        write(at, &format!("{scene}[render]\nsize = [96, 96]\nfit = \"volume\"\n{render}{outputs}"));
+        let told = run(at);
+        let made = |stage: &str| {
+            let all = told["stages"].as_array().unwrap();
+            let of = |record: &&Value| record["stage"] == stage && record["output"]["path"].is_string();
+            all.iter().rfind(of).unwrap()["output"]["path"].as_str().unwrap().to_owned()
+        };
+        let pictures =
+            ["before", "after"].map(|name| std::fs::read(at.join(format!("out/{name}.png"))).unwrap());
+        (pictures, made("atf"), made("map"))
+    };
+    let by_hand = |transfer: &str, more: &[&str]| {
+        let said =
+            ["render", "v.ivd", "--transfer", transfer, "--size", "96x96", "--fit", "volume", "-o", "p.png"];
+        json(at, &[&said, more].concat());
+        std::fs::read(at.join("p.png")).unwrap()
+    };
+    let part = "[boundary]\nclass = 3\n";
+    let labelled = ["--labels", "inner.ivd"];
+    let ([before, after], transfer, displacement) = drawn(part, "");
+    let moved = ["--displacement", &displacement];
+    assert!(before == by_hand(&transfer, &labelled));
+    assert!(after == by_hand(&transfer, &[labelled, moved].concat()));
+    assert!(before != by_hand(&transfer, &[]), "the skin is clear");
+    // The rest is seen as well where that is asked for.
+    let ([whole, _], transfer, _) = drawn(part, "unlabelled = true\n");
+    assert!(whole == by_hand(&transfer, &["--labels", "inner.ivd", "--unlabelled"]) && whole != before);
+    // A skin of an isovalue has no label, and steps between values know none: they are drawn without.
+    let ([skin, _], transfer, _) = drawn("[lattice]\niso = 40.0\n", "");
+    assert!(skin == by_hand(&transfer, &[]));
+    let steps = ["--classification", "pre-integrated"];
+    let ([steep, _], transfer, _) = drawn(part, "classification = \"pre-integrated\"\n");
+    assert!(steep == by_hand(&transfer, &steps));
+}
+
+#[test]
 fn the_densest_of_labels_is_that_of_the_highest_values_in_the_scan() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
@@ -176,6 +224,7 @@ fn a_report_tells_of_labels_as_of_a_segmentation() {
         "the file, and who found them"
     );
     assert!(page.contains("<h2>Classes</h2>"), "a table of them");
+    assert!(page.contains("render.unlabelled = true"), "what the pictures leave out");
     assert!(page.contains("Lines: where the labels' classes end"), "their borders in the slices");
 }
 

@@ -1,6 +1,7 @@
 use std::ops::Range;
 
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use crate::{Buffer, Error, Grid, VoxelIndex, parallel};
 
@@ -96,6 +97,12 @@ impl FieldBricks {
     /// Vectors of the stored bricks (mm).
     pub fn vectors(&self) -> &[[f32; 3]] {
         &self.vectors
+    }
+
+    /// Length of the longest vector (mm).
+    pub fn longest(&self) -> f64 {
+        let square = |v: &[f32; 3]| Vector3::from(v.map(f64::from)).norm_squared();
+        self.vectors.par_iter().map(square).reduce(|| 0.0, f64::max).sqrt()
     }
 
     /// The buffer behind [`FieldBricks::vectors`].

@@ -147,11 +147,10 @@ pub fn describe(artefact: &Artefact) -> Value {
 
 /// What a displacement field of another program holds, which is nothing that a stage gives: where it lies, and how far it leads.
 pub fn describe_field(field: &GivenField) -> Value {
-    let length = |vector: &[f32; 3]| Vector3::from(vector.map(f64::from)).norm();
     let vectors = field.vectors.vectors();
     json!({
         "kind": "displacement field", "grid": grid_facts(&field.grid), "direction": field.direction.map(FieldDirection::name),
-        "largest_mm": vectors.par_iter().map(length).reduce(|| 0.0, f64::max),
+        "largest_mm": field.vectors.longest(),
         "voxels_moved": vectors.iter().filter(|vector| **vector != [0.0; 3]).count(),
     })
 }

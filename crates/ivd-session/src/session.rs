@@ -431,7 +431,7 @@ impl Session {
             misfit: map.misfit,
             left_mm: map.left_mm,
             relaxations: map.relaxations,
-            largest_mm: largest(shown),
+            largest_mm: shown.forward().longest(),
             times: Times {
                 solve: (solved - start).as_secs_f64(),
                 map: (found - solved).as_secs_f64(),
@@ -489,12 +489,6 @@ fn nothing(event: &'static str) -> Error {
 
 fn no_gesture(event: &'static str) -> Error {
     Error::Event { event, problem: "no gesture goes on".into(), remedy: "begin one first" }
-}
-
-/// The longest vector that is stored (mm).
-fn largest(displacement: &Displacement) -> f64 {
-    let squared = |v: &[f32; 3]| v.iter().map(|&c| f64::from(c) * f64::from(c)).sum::<f64>();
-    displacement.forward().vectors().iter().map(squared).fold(0.0, f64::max).sqrt()
 }
 
 fn check_grid(volume: &Volume, what: &'static str, grid: &ivd_core::Grid) -> Result<(), Error> {

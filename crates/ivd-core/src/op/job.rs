@@ -18,7 +18,7 @@ pub enum Want {
     Yes,
     /// It reads it in a scene that has the section of the stage which gives it.
     IfWritten,
-    /// It reads it where a person gives it: as a file, in a scene as one of its input.
+    /// It reads it where a person gives it as a file; in a scene where that gives the part that the lattice is cut at, too.
     IfGiven,
 }
 

@@ -510,12 +510,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     }
 }
 
-/// Length of a field's longest vector (mm).
-fn longest(field: &FieldBricks) -> f64 {
-    let square = |v: &[f32; 3]| Vector3::from(*v).map(f64::from).norm_squared();
-    field.vectors().par_iter().map(square).reduce(|| 0.0, f64::max).sqrt()
-}
-
 /// The certificate of a field, as far as it decides whether a way can be gone.
 fn certified(field: &FieldBricks, job: &Job<'_>, exec: &Exec) -> Result<Certificate, Error> {
     let (grid, counts) = (job.settle.lattice.grid(), job.settle.counts());

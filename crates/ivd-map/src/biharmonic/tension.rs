@@ -10,7 +10,7 @@ use super::bound::Bound;
 use super::nodes::Cells;
 use super::step::Step;
 use super::system::System;
-use super::{Biharmonic, CLOSE, Job, Made, longest};
+use super::{Biharmonic, CLOSE, Job, Made};
 use crate::Error;
 
 /// Weights of a membrane's energy beside the bending, in units of their diagonals.
@@ -149,9 +149,9 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
             let system = self.system_of(&between);
             let step = Self::solve(&between, &system, None, None, exec)?;
             let made = self.make(&between, &system, &step, exec)?;
-            let (follows, far) = (self.misfit(job, &made) <= CLOSE, longest(&made.field));
+            let (follows, far) = (self.misfit(job, &made) <= CLOSE, made.field.longest());
             ends[usize::from(!follows)] = tension;
-            if follows && far < longest(&best.field) {
+            if follows && far < best.field.longest() {
                 best = made;
             }
             if follows && far <= most {
@@ -185,7 +185,7 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
     ) -> Result<Made, Error> {
         let mut known = steps.into_iter();
         for i in from..TENSIONS.len() {
-            if longest(&made.field) <= most {
+            if made.field.longest() <= most {
                 break;
             }
             exec.check_cancelled()?;
@@ -284,7 +284,7 @@ mod tests {
                 let told = scene.motions().iter().map(Vector3::norm).fold(0.0, f64::max);
                 let mut map = Biharmonic::new(&scene.lattice, Outside::Band, &exec).unwrap();
                 let mapped = map.drag(&scene.motion, 0, &smooth(), &exec).unwrap();
-                let far = longest(mapped.displacement.forward());
+                let far = mapped.displacement.forward().longest();
                 // What is steep can't be followed under a tension that holds it to 2 %.
                 let most = if radius > 4.0 * length { 1.04 } else { 1.15 };
                 assert!(far <= most * told, "{ball_radius}, {radius}, {length}: {}", far / told);

@@ -495,6 +495,9 @@ fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earli
     };
     let last = |value: &str| earlier.iter().rev().find(|n| n.place.gives == value && n.stage.is_some());
     let is_made = |value: &str| last(value).is_some();
+    // A lattice of an isovalue has no label.
+    let is_of_part =
+        last("lattice").is_some_and(|lattice| lattice.inputs.iter().any(|(slot, _)| *slot == "mask"));
     let is_left_empty = |slot: &str| place.leaves_empty(slot, is_made);
     let needs = place.needs.iter().copied().filter(|value| !is_left_empty(value));
     let mut missing = needs.into_iter().find(|value| !is_made(value));
@@ -510,7 +513,7 @@ fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earli
             Want::No => false,
             Want::Yes => true,
             Want::IfWritten => is_written(giver.id),
-            Want::IfGiven => giver.id.stage == IMPORT,
+            Want::IfGiven => giver.id.stage == IMPORT && is_of_part,
         };
         match last(value) {
             Some(giver) => node.inputs.extend(Some(giver).filter(is_read).map(|giver| (slot.name, giver.id))),

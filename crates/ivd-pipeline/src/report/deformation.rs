@@ -67,8 +67,8 @@ impl From<SpaceFigures> for Carried {
 pub(super) fn deformation(moves: &Moves, lengths: &[f64]) -> String {
     let Moves { map, last, warp, .. } = moves;
     let mut html = pairs(&[
-        ("voxels moved", shown(last.voxels_moved)),
-        ("voxels resampled", shown(warp.map(|found| found.voxels_resampled))),
+        ("voxels moved, of the scan at rest", shown(last.voxels_moved)),
+        ("voxels made anew, of the deformed scan", shown(warp.map(|found| found.voxels_resampled))),
         (
             "volume inside the lattice, rest → deformed (mm³)",
             enclosed(map.as_ref().map(|map| map.followed.volume_mm3)),

@@ -24,7 +24,7 @@ pub(crate) use page::html;
 pub(crate) use summary::{input, remark};
 
 /// Raised whenever the same data gives another page.
-pub(crate) const REVISION: u32 = 11;
+pub(crate) const REVISION: u32 = 12;
 
 /// Displacement (mm) of the vertices that move, in the last frame.
 pub(crate) fn motion_lengths(motion: &Motion) -> Vec<f64> {

@@ -65,7 +65,13 @@ pub(crate) fn html(
     }
     let own =
         segment.zip(found).map(|(segment, found)| found.map(|found| segmentation(segment, &found, data)));
-    let given = of_file.map(|found| found.map(|found| labelled(&found, data)));
+    let is_by_label = |record: &StageRecord| {
+        record.stage == ivd_render::STAGE.name
+            && record.inputs.contains_key("labels")
+            && record.params["unlabelled"] != true
+    };
+    let are_alone = records.iter().any(is_by_label);
+    let given = of_file.map(|found| found.map(|found| labelled(&found, are_alone, data)));
     if let Some(found) = own.or(given) {
         let mut body = body_or_problem(found);
         if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {

@@ -71,15 +71,17 @@ fn classes(list: &[ClassFigures], data: &ReportData) -> String {
     shortened_table(head, list.iter().enumerate().map(row))
 }
 
-/// What labels of another program are, and a table of their classes.
-pub(super) fn labelled(found: &LabelsOfFigures, data: &ReportData) -> String {
-    let rows = [
+/// What labels of another program are, and a table of their classes; `are_alone`: the pictures show nothing else.
+pub(super) fn labelled(found: &LabelsOfFigures, are_alone: bool, data: &ReportData) -> String {
+    let mut rows = vec![
         ("found by", "another program".to_owned()),
         ("classes", found.classes.len().to_string()),
         ("voxels with a label", found.put.voxels_filled.to_string()),
         ("voxels of the scan outside of the file", found.put.voxels_without_source.to_string()),
         ("labelled voxels outside of the scan", found.put.voxels_left_out.to_string()),
     ];
+    let clear = "clear in the pictures; render.unlabelled = true shows it".to_owned();
+    rows.extend(are_alone.then_some(("what has no label", clear)));
     pairs(&rows) + &classes(&found.classes, data)
 }
 

@@ -33,7 +33,8 @@ pub(super) fn summary(
     let map = figures_of::<MapFigures>(records, ivd_map::STAGE.name)?;
     let space = figures_of::<SpaceFigures>(records, space::STAGE.name)?;
     let told = told(records, specks_moved, map.as_ref())?;
-    let mut html = verdict(&told, map.as_ref(), space.as_ref());
+    let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
+    let mut html = verdict(&told, map.as_ref(), space.as_ref(), refined.as_ref());
     html += &pairs(&settings(loaded, records)?);
     if let Some(asked) = scene.section(&deform::STAGE).and_then(|section| Asked::of(section.job())) {
         let picks = done.as_ref().map(|done| (&done.handles[..], &done.fixed[..]));
@@ -316,7 +317,10 @@ fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
             fit.misfit_max_at_mm,
         ),
     ];
-    let voxels = last(Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved));
+    let voxels = last(
+        Figure::new("voxels moved", "map.voxels_moved", map.voxels_moved)
+            .meaning("of the scan at rest; of the deformed scan a few more or fewer are made anew"),
+    );
     let proof = [
         Figure::new("smallest det J, certified", "map.min_det_j", map.min_det_j)
             .meaning(plain::smallest_det_j(map.min_det_j, map.squeezed.map(|squeezed| squeezed.voxels))),
@@ -341,13 +345,20 @@ fn of_map(map: &MapFigures, is_last: bool) -> Vec<Figure> {
 }
 
 /// Whether to trust the result, in one sentence, and what shows it; `told` is what to know before.
-fn verdict(told: &[Told], map: Option<&MapFigures>, space: Option<&SpaceFigures>) -> String {
+fn verdict(
+    told: &[Told],
+    map: Option<&MapFigures>,
+    space: Option<&SpaceFigures>,
+    refined: Option<&RefineFigures>,
+) -> String {
     let then = if space.is_some() { ", before the steps in space" } else { "" };
+    let seen = refined.and_then(|refined| refined.last.seen_error_mm);
+    let near = seen.map_or_else(String::new, |seen| {
+        format!(", which lies within {} mm of the surface as cut where that was looked at", number(seen))
+    });
     let follows = map.filter(|map| map.follows()).map(|map| {
-        format!(
-            "the deformed volume follows the lattice to within {} mm{then}",
-            number(map.followed.misfit_max_mm)
-        )
+        let within = number(map.followed.misfit_max_mm);
+        format!("the deformed volume follows the lattice to within {within} mm{then}{near}")
     });
     let folds = space.map(|space| space.folds).or(map.map(|map| map.folds));
     let whole = (folds == Some(0)).then(|| "it folds nowhere, which is certified".to_owned());
@@ -413,6 +424,7 @@ fn told(
     told.iter_mut()
         .filter(|told| is_kept && told.about == refine::STAGE.name)
         .for_each(|told| told.warns = false);
+    told.extend(coarse(records, cut.as_ref(), refined.as_ref().filter(|_| !is_kept))?);
     let stopped = refined.filter(|found| found.last.reached.stopped_by == StopReason::Specks);
     let find = |told: &[Told], name: &str| told.iter().position(|told| told.about == name);
     let in_cut = find(&told, extract::STAGE.name).filter(|_| cut.is_some_and(|cut| cut.vertices > 0));
@@ -436,6 +448,33 @@ fn told(
         *about = format!("{about} and {stage}");
     }
     Ok(told)
+}
+
+/// A lattice that lies further from the surface as cut than a voxel's diagonal and this share of a part's radius is noted.
+const COARSE: f64 = 0.125;
+
+/// That the lattice is coarse for what it wraps.
+fn coarse(
+    records: &[StageRecord],
+    cut: Option<&LatticeFigures>,
+    refined: Option<&RefineFigures>,
+) -> Result<Option<Told>, Error> {
+    let scan = figures_of::<ImportFigures>(records, IMPORT)?;
+    let (Some(cut), Some(seen), Some(scan)) = (cut, refined.and_then(|found| found.last.seen_error_mm), scan)
+    else {
+        return Ok(None);
+    };
+    let diagonal = scan.spacing.iter().map(|length| length * length).sum::<f64>().sqrt();
+    // That of a ball.
+    let radius = 3.0 * cut.volume_mm3.abs() / cut.area_mm2;
+    let text = format!(
+        "the lattice lies up to {} mm from the surface as cut, which is much for a part of about {} mm radius (three times its volume over its area); a lower refine.level, \
+         or a refine.max_error, keeps its shape",
+        number(seen),
+        number(radius)
+    );
+    let note = Told { about: refine::STAGE.name.to_owned(), frame: String::new(), text, warns: false };
+    Ok(Some(note).filter(|_| seen > diagonal.max(COARSE * radius)))
 }
 
 /// The scene's sections as they were written, but for what is shown above and where files lie.

@@ -104,12 +104,12 @@ impl Stage for ImportField {
         };
         let made = given::displacement(grid, vectors, leads, exec).map_err(Error::in_stage(IMPORT))?;
         let displacement = made.displacement;
-        let moving = || displacement.forward().vectors().iter().filter(|vector| **vector != [0.0; 3]);
-        let length = |vector: &[f32; 3]| vector.iter().map(|c| f64::from(*c).powi(2)).sum::<f64>().sqrt();
+        let forward = displacement.forward();
+        let moving = forward.vectors().iter().filter(|vector| **vector != [0.0; 3]);
         let figures = ImportFieldFigures {
             direction: direction.name().to_owned(),
-            voxels_moved: moving().count() as u64,
-            largest_mm: moving().map(length).fold(0.0, f64::max),
+            voxels_moved: moving.count() as u64,
+            largest_mm: forward.longest(),
             min_det_j: displacement.min_det_j(),
             folds: made.certificate.folded.len() as u64,
             inverse_residual_max_voxel: displacement.inverse_residual_max(),

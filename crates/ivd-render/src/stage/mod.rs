@@ -34,7 +34,7 @@ pub const STAGE: Stage = Stage {
             needs: &[DISPLACEMENT],
             // What is clipped or combined has been deformed already.
             from: &[(VOLUME, "result"), (VOLUME, VOLUME), (WHOLE, VOLUME), (FRAMING, DISPLACEMENT)],
-            with: &[(WHOLE, "result"), (FRAMING, "result"), (LABELS, "mask")],
+            with: &[(WHOLE, "result"), (FRAMING, "result")],
             unless: &[(DISPLACEMENT, "result"), (LABELS, "result")],
             empty: &["lattice"],
             ..picture("after")
@@ -60,13 +60,11 @@ pub const WHOLE: &str = "whole";
 /// The slot of a displacement that a picture leaves room for.
 pub const FRAMING: &str = "framing";
 
-/// The place of a picture. It goes by labels where a person chose them and one of them is what moves: what has none is clear, and a skin of
-/// an isovalue would be. What is clipped or combined has labels no more.
+/// The place of a picture. What is clipped or combined has labels no more.
 const fn picture(name: &'static str) -> Place {
     Place {
         variant: name,
         empty: &["lattice", FRAMING, WHOLE],
-        with: &[(LABELS, "mask")],
         unless: &[(LABELS, "result")],
         unread: "no output shows a picture",
         amount: Amount::Samples,

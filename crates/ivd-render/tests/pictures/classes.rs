@@ -125,6 +125,9 @@ fn what_has_no_label_is_clear_where_labels_are_given() {
     let [red_of_one, blue_of_one, _] = colours(&transfer, Some(&one), ClassLooks::default());
     assert!(blue > 100 && blue_of_one == 0, "{blue_of_one}");
     assert!(red_of_one.abs_diff(red) * 5 < red, "{red_of_one} for {red}");
+    // Where what has no label is asked for, it is as without labels, and so is all of it where every row is the same.
+    let seen = ClassLooks { unlabelled: true, ..ClassLooks::default() };
+    assert_eq!(colours(&transfer, Some(&one), seen), colours(&transfer, None, ClassLooks::default()));
     // Where everything has a label, labels that tell nothing change no byte.
     let all = Labels::new(volume.grid().clone(), vec![1_u16; volume.grid().len()].into(), vec![]).unwrap();
     let seen = |labels| {
