@@ -496,8 +496,9 @@ fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earli
     let last = |value: &str| earlier.iter().rev().find(|n| n.place.gives == value && n.stage.is_some());
     let is_made = |value: &str| last(value).is_some();
     // A lattice of an isovalue has no label.
-    let is_of_part =
-        last("lattice").is_some_and(|lattice| lattice.inputs.iter().any(|(slot, _)| *slot == "mask"));
+    let is_of_mask =
+        |node: &PlanNode| node.stage.is_some() && node.inputs.iter().any(|(slot, _)| *slot == "mask");
+    let is_of_part = earlier.iter().any(|node| node.place.gives == "lattice" && is_of_mask(node));
     let is_left_empty = |slot: &str| place.leaves_empty(slot, is_made);
     let needs = place.needs.iter().copied().filter(|value| !is_left_empty(value));
     let mut missing = needs.into_iter().find(|value| !is_made(value));
