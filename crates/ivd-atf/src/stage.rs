@@ -24,8 +24,7 @@ const METHODS: &[Method] = &[method::<Params>("")];
 impl Op for Params {
     const REVISION: u32 = 5;
     type Inputs<'a> = Inputs<'a>;
-    type Output = TransferFunction;
-    type Figures = Figures;
+    type Gives = (TransferFunction, Figures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.require_bounds_in_order()
@@ -35,7 +34,7 @@ impl Op for Params {
         if self.iso.is_none() { Want::Yes } else { Want::No }
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(TransferFunction, Figures), Failure> {
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let built = match (self.iso, inputs.labels) {
             (Some(_), _) if self.axes != Axes::Value => {
                 return Err(Failure::usage(

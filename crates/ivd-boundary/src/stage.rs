@@ -111,8 +111,7 @@ impl BoundaryFigures {
 impl Op for ComponentParams {
     const REVISION: u32 = 2;
     type Inputs<'a> = Inputs<'a>;
-    type Output = Mask;
-    type Figures = BoundaryFigures;
+    type Gives = (Mask, BoundaryFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         check_together(self)
@@ -122,7 +121,7 @@ impl Op for ComponentParams {
         if self.above.is_some() { Want::No } else { Want::Yes }
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Inputs { volume, labels } = inputs;
         let part = component(volume, labels, self, exec)?;
         let figures = BoundaryFigures {
@@ -143,8 +142,7 @@ slots! {
 impl Op for SurfaceParams {
     const REVISION: u32 = 2;
     type Inputs<'a> = SurfaceInputs<'a>;
-    type Output = Mask;
-    type Figures = BoundaryFigures;
+    type Gives = (Mask, BoundaryFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         Self::check_together(self)
@@ -154,7 +152,7 @@ impl Op for SurfaceParams {
         if slot == "labels" && self.class.is_none() { Want::No } else { Want::Yes }
     }
 
-    fn run(&self, inputs: SurfaceInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+    fn run(&self, inputs: SurfaceInputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let SurfaceInputs { volume, labels, start } = inputs;
         let found = active_surface(volume, labels, start, self, exec)?;
         let figures = BoundaryFigures {
@@ -174,8 +172,7 @@ impl Op for SurfaceParams {
 impl Op for CompeteParams {
     const REVISION: u32 = 1;
     type Inputs<'a> = SeedInputs<'a>;
-    type Output = Artefact;
-    type Figures = BoundaryFigures;
+    type Gives = (Artefact, BoundaryFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         Self::check_together(self)
@@ -185,7 +182,7 @@ impl Op for CompeteParams {
         Some(if self.label.is_some() { Kind::Mask } else { Kind::Labels })
     }
 
-    fn run(&self, inputs: SeedInputs<'_>, exec: &Exec) -> Result<(Artefact, BoundaryFigures), Failure> {
+    fn run(&self, inputs: SeedInputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         if self.label.is_none() {
             let labels = compete(&inputs, self, exec)?;
             let voxels = labels.classes().iter().map(|class| class.voxels).sum();
@@ -206,14 +203,13 @@ slots! {
 impl Op for ContourParams {
     const REVISION: u32 = 1;
     type Inputs<'a> = ContourInputs<'a>;
-    type Output = Mask;
-    type Figures = BoundaryFigures;
+    type Gives = (Mask, BoundaryFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         Self::check_together(self)
     }
 
-    fn run(&self, inputs: ContourInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+    fn run(&self, inputs: ContourInputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let found = active_contour(inputs.volume, self, exec)?;
         let figures = BoundaryFigures {
             iterations: found.iterations,
@@ -226,10 +222,9 @@ impl Op for ContourParams {
 impl Op for EditParams {
     const REVISION: u32 = 1;
     type Inputs<'a> = EditInputs<'a>;
-    type Output = Mask;
-    type Figures = BoundaryFigures;
+    type Gives = (Mask, BoundaryFigures);
 
-    fn run(&self, inputs: EditInputs<'_>, exec: &Exec) -> Result<(Mask, BoundaryFigures), Failure> {
+    fn run(&self, inputs: EditInputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let edited = edit(&inputs, self, exec)?;
         let figures = BoundaryFigures::of(edited.voxels, edited.components, edited.filled, inputs.volume);
         Ok((edited.mask, figures))

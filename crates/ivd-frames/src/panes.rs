@@ -12,6 +12,13 @@ const COARSE_STEP: f64 = 2.0;
 /// Share of a ray's opacity before where what is seen begins: less may be noise before it.
 const FRONT: f32 = 0.1;
 
+/// A volume in its colours.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen<'a> {
+    pub(crate) volume: &'a Volume,
+    pub(crate) transfer: Option<&'a TransferFunction>,
+}
+
 /// What of a picture is looked for.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Depth {
@@ -162,14 +169,13 @@ impl Panes {
         &self,
         pane: Pane,
         at: [f64; 2],
-        volume: &Volume,
-        transfer: Option<&TransferFunction>,
+        seen: Seen<'_>,
         exec: &Exec,
     ) -> Result<Option<[f64; 3]>, Error> {
         if self.planes.plane(pane).is_some() {
-            return Ok(self.planes.look(pane, at, volume.grid()));
+            return Ok(self.planes.look(pane, at, seen.volume.grid()));
         }
-        Ok(self.look_at_all(&[(at, Depth::Shown)], volume, transfer, exec)?[0])
+        Ok(self.look_at_all(&[(at, Depth::Shown)], seen, exec)?[0])
     }
 
     /// The same, and where that begins; in slices it begins where it is.
@@ -177,27 +183,25 @@ impl Panes {
         &self,
         pane: Pane,
         at: [f64; 2],
-        volume: &Volume,
-        transfer: Option<&TransferFunction>,
+        seen: Seen<'_>,
         exec: &Exec,
     ) -> Result<[Option<[f64; 3]>; 2], Error> {
         if self.planes.plane(pane).is_some() {
-            return Ok([self.planes.look(pane, at, volume.grid()); 2]);
+            return Ok([self.planes.look(pane, at, seen.volume.grid()); 2]);
         }
         let both = [Depth::Shown, Depth::Front].map(|depth| (at, depth));
-        let seen = self.look_at_all(&both, volume, transfer, exec)?;
-        Ok([seen[0], seen[1]])
+        let places = self.look_at_all(&both, seen, exec)?;
+        Ok([places[0], places[1]])
     }
 
     /// The places that the volume's pane shows at shares of it (mm, RAS).
     pub(crate) fn look_at_all(
         &self,
         at: &[([f64; 2], Depth)],
-        volume: &Volume,
-        transfer: Option<&TransferFunction>,
+        seen: Seen<'_>,
         exec: &Exec,
     ) -> Result<Vec<Option<[f64; 3]>>, Error> {
-        let prepared = self.prepared(volume, transfer, self.size, false, exec)?;
+        let prepared = self.prepared(seen.volume, seen.transfer, self.size, false, exec)?;
         let look = |(at, depth): &([f64; 2], Depth)| {
             let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
             if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {

@@ -8,7 +8,7 @@ use ivd_render::{Lens, RenderParams};
 
 use crate::colours::Window;
 use crate::figures::{Hovered, Slice, letters, value_at};
-use crate::panes::Panes;
+use crate::panes::{Panes, Seen};
 use crate::planes::Planes;
 use crate::{Error, Model, Pane, Picture, Request, Sight};
 
@@ -206,7 +206,8 @@ impl Preview {
     fn look(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
         match &self.turned {
             Some(turned) if pane == Pane::Volume => {
-                turned.panes.look(pane, at, &turned.volume, turned.transfer.as_ref(), &self.exec)
+                let seen = Seen { volume: &turned.volume, transfer: turned.transfer.as_ref() };
+                turned.panes.look(pane, at, seen, &self.exec)
             }
             _ => Ok(self.planes.look(pane, at, self.volume.grid())),
         }

@@ -60,10 +60,9 @@ impl Op for OctreeParams {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Indexed<'a>;
-    type Output = Displacement;
-    type Figures = MapFigures;
+    type Gives = (Displacement, MapFigures);
 
-    fn run(&self, inputs: Indexed<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+    fn run(&self, inputs: Indexed<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Indexed { lattice, octree: tree, motion } = inputs;
         Ok(octree(lattice, tree, motion, chosen(self.frame, motion), self, exec)?.into())
     }
@@ -73,8 +72,7 @@ impl Op for BiharmonicParams {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Moving<'a>;
-    type Output = Displacement;
-    type Figures = MapFigures;
+    type Gives = (Displacement, MapFigures);
 
     fn memory(&self) -> Option<Memory> {
         Some(Memory { voxel: 0, reached: by_cell(self.cell, [800, 120, 50]), triangle: 300 })
@@ -84,7 +82,7 @@ impl Op for BiharmonicParams {
         is_cell("cell", self.cell)
     }
 
-    fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+    fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Moving { lattice, motion } = inputs;
         Ok(biharmonic(lattice, motion, chosen(self.frame, motion), self, exec)?.into())
     }
@@ -94,14 +92,13 @@ impl Op for BodyParams {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Moving<'a>;
-    type Output = Displacement;
-    type Figures = MapFigures;
+    type Gives = (Displacement, MapFigures);
 
     fn memory(&self) -> Option<Memory> {
         Some(Memory { voxel: 0, reached: 12, triangle: 60 })
     }
 
-    fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+    fn run(&self, inputs: Moving<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Moving { lattice, motion } = inputs;
         Ok(body(lattice, motion, chosen(self.frame, motion), self, exec)?.into())
     }
@@ -111,8 +108,7 @@ impl Op for FemParams {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<MapFigures>> = Some(MapFigures::remark);
     type Inputs<'a> = Labelled<'a>;
-    type Output = Displacement;
-    type Figures = MapFigures;
+    type Gives = (Displacement, MapFigures);
 
     fn memory(&self) -> Option<Memory> {
         Some(Memory { voxel: 0, reached: by_cell(self.cell, [240, 65, 55]), triangle: 60 })
@@ -126,7 +122,7 @@ impl Op for FemParams {
         if self.material.is_empty() { Want::No } else { Want::Yes }
     }
 
-    fn run(&self, inputs: Labelled<'_>, exec: &Exec) -> Result<(Displacement, MapFigures), Failure> {
+    fn run(&self, inputs: Labelled<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Labelled { lattice, motion, labels } = inputs;
         Ok(fem(lattice, labels, motion, chosen(self.frame, motion), self, exec)?.into())
     }

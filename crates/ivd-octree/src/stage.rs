@@ -48,8 +48,7 @@ pub struct Figures {
 impl Op for Params {
     const REVISION: u32 = 1;
     type Inputs<'a> = Inputs<'a>;
-    type Output = Octree;
-    type Figures = Figures;
+    type Gives = (Octree, Figures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         if self.leaf_size.is_power_of_two() {
@@ -62,7 +61,7 @@ impl Op for Params {
         ))
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Octree, Figures), Failure> {
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let octree = crate::build(inputs.lattice, self, exec)?;
         let figures = Figures {
             nodes: octree.nodes().len(),

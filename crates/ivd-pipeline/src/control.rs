@@ -8,7 +8,8 @@ use crate::Error;
 use crate::plan::{NodeId, Plan};
 use crate::runner::{Runner, StageRecord, StageResult};
 
-/// Is asked before every stage of a run and told after it, and may change the settings of those that are still to come.
+/// Is asked before every stage of a run and told after it, and may change the settings of those that are still to come. What isn't written decides nothing: every stage
+/// runs as the scene has it.
 pub trait Control {
     /// Before the stage at `at` runs: may give the plan's stages other settings ([`Plan::retune`]). Gives the stage's result where it has
     /// made that already.
@@ -21,16 +22,26 @@ pub trait Control {
         plan: &mut Plan,
         done: &BTreeMap<NodeId, StageResult>,
         runner: Runner<'_>,
-    ) -> Result<Option<StageResult>, Error>;
+    ) -> Result<Option<StageResult>, Error> {
+        let _ = (at, plan, done, runner);
+        Ok(None)
+    }
 
     /// After a stage.
-    fn after(&mut self, id: NodeId, result: &StageResult);
+    fn after(&mut self, id: NodeId, result: &StageResult) {
+        let _ = (id, result);
+    }
 
     /// What a report of the run shows of what was decided: a title, and a line for each decision.
-    fn summary(&self) -> Decisions;
+    fn summary(&self) -> Decisions {
+        Decisions::default()
+    }
 
     /// Says what a failure of the run comes from, where that is of its making; `stages` are those that were done by then.
-    fn explain(&self, error: Error, exec: &Exec, stages: &[StageRecord]) -> Error;
+    fn explain(&self, error: Error, exec: &Exec, stages: &[StageRecord]) -> Error {
+        let _ = (exec, stages);
+        error
+    }
 }
 
 /// What was decided in a run, as a section of its report.
@@ -42,27 +53,7 @@ pub struct Decisions {
     pub lines: Vec<String>,
 }
 
-/// Decides nothing: every stage runs as the scene has it.
+/// Decides nothing.
 pub(crate) struct Uncontrolled;
 
-impl Control for Uncontrolled {
-    fn before(
-        &mut self,
-        _: usize,
-        _: &mut Plan,
-        _: &BTreeMap<NodeId, StageResult>,
-        _: Runner<'_>,
-    ) -> Result<Option<StageResult>, Error> {
-        Ok(None)
-    }
-
-    fn after(&mut self, _: NodeId, _: &StageResult) {}
-
-    fn summary(&self) -> Decisions {
-        Decisions::default()
-    }
-
-    fn explain(&self, error: Error, _: &Exec, _: &[StageRecord]) -> Error {
-        error
-    }
-}
+impl Control for Uncontrolled {}

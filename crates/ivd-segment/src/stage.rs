@@ -102,14 +102,13 @@ impl<M: Find> Op for Tidied<M> {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<Figures<M::Own>>> = Some(|figures| M::remark(&figures.own));
     type Inputs<'a> = Scanned<'a>;
-    type Output = Labels;
-    type Figures = Figures<M::Own>;
+    type Gives = (Labels, Figures<M::Own>);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.method.check_found()
     }
 
-    fn run(&self, inputs: Scanned<'_>, exec: &Exec) -> Result<(Labels, Self::Figures), Failure> {
+    fn run(&self, inputs: Scanned<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let (found, own) = self.method.find(inputs.volume, inputs.mask, exec)?;
         Ok(told(tidied(Some(inputs.volume), found, self.tidy, exec)?, own))
     }
@@ -251,8 +250,7 @@ const HVS: Option<Memory> = Some(Memory { voxel: 17, reached: 0, triangle: 0 });
 impl Op for HvsParams {
     const REVISION: u32 = 1;
     type Inputs<'a> = Scanned<'a>;
-    type Output = Tree;
-    type Figures = TreeFigures;
+    type Gives = (Tree, TreeFigures);
 
     fn memory(&self) -> Option<Memory> {
         HVS
@@ -262,7 +260,7 @@ impl Op for HvsParams {
         self.within.check()
     }
 
-    fn run(&self, inputs: Scanned<'_>, exec: &Exec) -> Result<(Tree, TreeFigures), Failure> {
+    fn run(&self, inputs: Scanned<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let found = region_tree(inputs.volume, inputs.mask, self, exec)?;
         let figures = TreeFigures::from(&found);
         Ok((found.tree, figures))
@@ -287,8 +285,7 @@ pub struct Hierarchy {
 impl Op for Hierarchy {
     const REVISION: u32 = REVISION;
     type Inputs<'a> = Grown<'a>;
-    type Output = Labels;
-    type Figures = Figures<CutFigures>;
+    type Gives = (Labels, Figures<CutFigures>);
 
     fn memory(&self) -> Option<Memory> {
         HVS
@@ -312,7 +309,7 @@ impl Op for Hierarchy {
         Some(Box::new(self.tree.clone()))
     }
 
-    fn run(&self, inputs: Grown<'_>, exec: &Exec) -> Result<(Labels, Self::Figures), Failure> {
+    fn run(&self, inputs: Grown<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let (found, dendrogram, regions) = match (inputs.tree, inputs.volume) {
             (Some(tree), _) => {
                 let (found, dendrogram) = drawn(tree, &self.cut, MOST_LEAVES, exec)?;

@@ -11,7 +11,7 @@ use crate::follow::Followed;
 use crate::history::{Gesture, History, Recorder};
 use crate::level::{Level, displaced, still};
 use crate::numbered::Id;
-use crate::shown::Shown;
+use crate::shown::{Change, Shown};
 use crate::{Entry, Error, Event, Settings, Step};
 
 /// Lattices that are kept at most, so that going back to a level takes no time.
@@ -419,7 +419,8 @@ impl Session {
         // What isn't found anew stays.
         let after = displaced.as_ref().map(|displaced| displaced.as_ref().unwrap_or(&map.displacement));
         let before = self.displaced.as_ref().unwrap_or(&self.mapped.displacement);
-        let made = self.shown.update(&self.volume, (before, after), &next, exec)?;
+        let change = Change { rest: &self.volume, before, after, next: &next };
+        let made = self.shown.update(&change, exec)?;
         if let Some(followed) = &mut self.followed {
             followed.fall_behind(&made.moved);
         }

@@ -27,6 +27,18 @@ pub(crate) struct Made {
     pub(crate) voxels: u64,
 }
 
+/// How else it is to be shown.
+pub(crate) struct Change<'a> {
+    /// The volume at rest.
+    pub(crate) rest: &'a Volume,
+    /// The displacement that it is shown under.
+    pub(crate) before: &'a Displacement,
+    /// The one that it will be shown under; `None` where that stays.
+    pub(crate) after: Option<&'a Displacement>,
+    /// What it will be shown by.
+    pub(crate) next: &'a Settings,
+}
+
 impl Shown {
     /// A volume at rest, of which everything is kept.
     pub(crate) fn new(volume: &Volume, params: WarpParams, exec: &Exec) -> Result<Self, Error> {
@@ -46,25 +58,17 @@ impl Shown {
 
     /// Shows the volume at rest as it is under a displacement.
     ///
-    /// - `before`: the displacement that it is shown under.
-    /// - `after`: the one that it will be shown under; `None` where that stays.
-    ///
     /// # Errors
     /// The memory limit, cancellation: nothing has changed then.
-    pub(crate) fn update(
-        &mut self,
-        rest: &Volume,
-        (before, after): (&Displacement, Option<&Displacement>),
-        next: &Settings,
-        exec: &Exec,
-    ) -> Result<Made, Error> {
+    pub(crate) fn update(&mut self, change: &Change<'_>, exec: &Exec) -> Result<Made, Error> {
+        let &Change { before, after, next, .. } = change;
         let params = next.clip.params();
         // What may fail does so before anything is changed.
         let fresh = match (&params, &self.clipped) {
             (Some(_), None) => Some(Kept::new(self.deformed.output(), exec)?),
             _ => None,
         };
-        let mut made = self.warp(rest, (before, after), next, exec)?;
+        let mut made = self.warp(change, exec)?;
         self.clipped = fresh.or(self.clipped.take());
         let displacement = after.unwrap_or(before);
         let same = self.clip == next.clip && made.moved.is_empty();
@@ -86,13 +90,8 @@ impl Shown {
     }
 
     /// Deforms it, clipped by nothing.
-    fn warp(
-        &mut self,
-        rest: &Volume,
-        (before, after): (&Displacement, Option<&Displacement>),
-        next: &Settings,
-        exec: &Exec,
-    ) -> Result<Made, Error> {
+    fn warp(&mut self, change: &Change<'_>, exec: &Exec) -> Result<Made, Error> {
+        let &Change { rest, before, after, next } = change;
         let mut made = Made::default();
         if next.warp != *self.deformed.params() || !exec.skip {
             let displacement = after.unwrap_or(before);

@@ -1,6 +1,6 @@
 use serde_json::Value as Json;
 
-use super::{Job, Op, Output, Slot, Slots, schema_of};
+use super::{FiguresOf, Gives, Job, Op, Output, Slot, Slots, schema_of};
 use crate::Kind;
 
 /// One method of a stage, without its type.
@@ -36,9 +36,9 @@ pub const fn method<O: Op>(name: &'static str) -> Method {
         slots: <O::Inputs<'static> as Slots<'static>>::SLOTS,
         without: "",
         with: "",
-        output: <O::Output as Output>::KIND,
+        output: <<O::Gives as Gives>::Output as Output>::KIND,
         schema: schema_of::<O>,
-        figures: schema_of::<O::Figures>,
+        figures: schema_of::<FiguresOf<O>>,
         remark: |json| {
             let Some(remark) = O::REMARK else { return Ok(None) };
             let figures = serde_json::from_value(json).map_err(|error| error.to_string())?;

@@ -30,13 +30,11 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     /// Raised whenever the same inputs and parameters may give another result.
     const REVISION: u32;
     /// What a person should know of a result beside its figures, where there is something: that it isn't all that was asked for.
-    const REMARK: Option<Remark<Self::Figures>> = None;
+    const REMARK: Option<Remark<FiguresOf<Self>>> = None;
     /// What it reads.
     type Inputs<'a>: Slots<'a>;
-    /// What it gives.
-    type Output: Output;
-    /// What is told of the work: `--json`, the report's rows, what budgets read.
-    type Figures: Serialize + DeserializeOwned + JsonSchema + Send;
+    /// What it gives: a value, and its figures.
+    type Gives: Gives;
 
     /// Checks every field against its schema, and then what goes together.
     ///
@@ -99,7 +97,7 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
 
     /// Kind of what it gives, where its parameters decide that; `None` where it is that of the first input.
     fn output(&self) -> Option<Kind> {
-        Self::Output::KIND
+        <Self::Gives as Gives>::Output::KIND
     }
 
     /// Files that it reads and that are no artefacts; their content and endings are part of what the result is made from, where they
@@ -115,8 +113,31 @@ pub trait Op: Serialize + DeserializeOwned + JsonSchema + Default + Clone + Send
     ///
     /// # Errors
     /// The stage crate's own.
-    fn run(&self, inputs: Self::Inputs<'_>, exec: &Exec) -> Result<(Self::Output, Self::Figures), Failure>;
+    fn run(&self, inputs: Self::Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure>;
 }
+
+/// A value, and its figures.
+pub trait Gives {
+    /// The value.
+    type Output: Output;
+    /// What is told of the work: `--json`, the report's rows, what budgets read.
+    type Figures: Serialize + DeserializeOwned + JsonSchema + Send;
+
+    /// Both.
+    fn into_parts(self) -> (Self::Output, Self::Figures);
+}
+
+impl<O: Output, F: Serialize + DeserializeOwned + JsonSchema + Send> Gives for (O, F) {
+    type Output = O;
+    type Figures = F;
+
+    fn into_parts(self) -> Self {
+        self
+    }
+}
+
+/// The figures of a method.
+pub type FiguresOf<O> = <<O as Op>::Gives as Gives>::Figures;
 
 /// What a method can give: a value of one kind, or an [`Artefact`] of the kind that [`Op::output`] tells.
 pub trait Output {
@@ -262,7 +283,7 @@ impl<O: Op> Job for O {
     }
 
     fn run(&self, values: &Values<'_>, exec: &Exec) -> Result<Product, Failure> {
-        let (output, figures) = Op::run(self, O::Inputs::take(values)?, exec)?;
+        let (output, figures) = Op::run(self, O::Inputs::take(values)?, exec)?.into_parts();
         Ok(Product::new(output, &figures))
     }
 

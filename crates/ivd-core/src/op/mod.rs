@@ -47,6 +47,6 @@ pub use check::{check, check_fields, is_default, rename, unknown};
 pub use declare::{Amount, Memory, Method, Place, PlaceKind, Stage, method};
 pub use failure::Failure;
 pub use field::{Field, alternatives, domain, fields, is_nullable, is_vector, kind, map_values, words};
-pub use job::{Job, Op, Output, Product, Remark, Want, object};
+pub use job::{FiguresOf, Gives, Job, Op, Output, Product, Remark, Want, object};
 pub use schema::schema_of;
 pub use slots::{Fill, Slot, Slots, Values, Voxelwise, unfit};

@@ -146,8 +146,7 @@ impl Op for SceneClip {
     const REVISION: u32 = 2;
     const REMARK: Option<Remark<ClipFigures>> = Some(ClipFigures::remark);
     type Inputs<'a> = Given<'a>;
-    type Output = Artefact;
-    type Figures = ClipFigures;
+    type Gives = (Artefact, ClipFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.clip.check()?;
@@ -186,7 +185,7 @@ impl Op for SceneClip {
         is_idle.then_some("the scene has nothing to clip by: no plane, no box, no tag")
     }
 
-    fn run(&self, inputs: Given<'_>, exec: &Exec) -> Result<(Artefact, ClipFigures), Failure> {
+    fn run(&self, inputs: Given<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Given { volume, tag, displacement } = inputs;
         Ok(any(volume, &self.clip, &By { tag, displacement }, exec)?)
     }

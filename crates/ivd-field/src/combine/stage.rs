@@ -80,8 +80,7 @@ pub(super) fn told<V: Output>(
 impl Op for SceneCombine {
     const REVISION: u32 = 2;
     type Inputs<'a> = Inputs<'a>;
-    type Output = Artefact;
-    type Figures = CombineFigures;
+    type Gives = (Artefact, CombineFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.combine.check(2)
@@ -96,7 +95,7 @@ impl Op for SceneCombine {
         self.with.is_none().then_some("the scene has nothing to combine with")
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Artefact, CombineFigures), Failure> {
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Inputs { volume, with, displacement } = inputs;
         // The first operand has been deformed already, or nothing deforms it.
         Ok(any(&[(volume, None), (with, displacement)], &self.combine, exec)?)

@@ -55,10 +55,9 @@ fn told<V: Value>(warped: Warped<V>) -> (Artefact, WarpFigures) {
 impl Op for WarpParams {
     const REVISION: u32 = 3;
     type Inputs<'a> = WarpInputs<'a>;
-    type Output = Artefact;
-    type Figures = WarpFigures;
+    type Gives = (Artefact, WarpFigures);
 
-    fn run(&self, inputs: WarpInputs<'_>, exec: &Exec) -> Result<(Artefact, WarpFigures), Failure> {
+    fn run(&self, inputs: WarpInputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let WarpInputs { volume: input, displacement } = inputs;
         Ok(match input {
             Voxelwise::Volume(input) => told(volume(input, displacement, self, exec)?),

@@ -32,7 +32,7 @@ use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
-use crate::panes::{Across, Panes};
+use crate::panes::{Across, Panes, Seen};
 use crate::request::MOST_HANDLES;
 use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
@@ -558,9 +558,14 @@ impl Model {
         Ok(())
     }
 
+    /// A volume in its colours.
+    pub(super) fn in_colours<'a>(&'a self, volume: &'a Volume) -> Seen<'a> {
+        Seen { volume, transfer: self.transfer.as_ref() }
+    }
+
     /// The place that a pane shows (mm, RAS).
     fn look(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
-        self.panes.look(pane, at, self.seen(at), self.transfer.as_ref(), &self.exec)
+        self.panes.look(pane, at, self.in_colours(self.seen(at)), &self.exec)
     }
 
     /// What is told beside the pictures.

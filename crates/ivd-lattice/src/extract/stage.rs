@@ -205,8 +205,7 @@ impl Op for LatticeParams {
     const REVISION: u32 = 2;
     const REMARK: Option<Remark<LatticeFigures>> = Some(LatticeFigures::remark);
     type Inputs<'a> = Inputs<'a>;
-    type Output = Lattice;
-    type Figures = LatticeFigures;
+    type Gives = (Lattice, LatticeFigures);
 
     fn wants(&self, slot: &str) -> Want {
         match (self.iso, slot) {
@@ -216,7 +215,7 @@ impl Op for LatticeParams {
         }
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Lattice, LatticeFigures), Failure> {
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Inputs { volume, labels, mask } = inputs;
         let params = ExtractParams { iso: self.crossings(volume.grid(), labels, mask)? };
         // A class without crossings is what has its label.

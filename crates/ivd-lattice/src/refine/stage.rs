@@ -176,8 +176,7 @@ impl Op for Refinement {
             .map(|told| remedy.map_or_else(|| told.clone(), |remedy| format!("{told}; {remedy}")))
     });
     type Inputs<'a> = Inputs<'a>;
-    type Output = Lattice;
-    type Figures = RefineFigures;
+    type Gives = (Lattice, RefineFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         self.params.target.check()?;
@@ -199,7 +198,7 @@ impl Op for Refinement {
         Some(Memory { voxel: 0, reached: 0, triangle })
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Lattice, RefineFigures), Failure> {
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let lattice = inputs.lattice;
         let small = RepairParams { min_triangles: self.min_component, ..RepairParams::default() };
         let repaired = if self.min_component == 0 { None } else { Some(repair(lattice, &small, exec)?) };

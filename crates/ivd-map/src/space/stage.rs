@@ -36,8 +36,7 @@ pub struct SpaceParams {
 impl Op for SpaceParams {
     const REVISION: u32 = 2;
     type Inputs<'a> = Inputs<'a>;
-    type Output = Displacement;
-    type Figures = SpaceFigures;
+    type Gives = (Displacement, SpaceFigures);
 
     fn check_together(&self) -> Result<(), ParamError> {
         let wrong = |i: usize, problem: ParamError| problem.under(&i.to_string()).under("step");
@@ -58,7 +57,7 @@ impl Op for SpaceParams {
         self.step.is_empty().then_some("the scene has no step in space")
     }
 
-    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Displacement, SpaceFigures), Failure> {
+    fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let Inputs { volume, after, labels } = inputs;
         let made = displace(volume.grid(), &self.step, &Start { after, labels }, exec)?;
         Ok((made.displacement, made.figures))

@@ -69,8 +69,7 @@ impl Op for RingMethod {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<Figures>> = REMARK;
     type Inputs<'a> = RingInputs<'a>;
-    type Output = Motion;
-    type Figures = Figures;
+    type Gives = (Motion, Figures);
 
     fn memory(&self) -> Option<Memory> {
         // A box round what a handle reaches, which may be the whole volume, as all triangles may be.
@@ -89,7 +88,7 @@ impl Op for RingMethod {
         (self.moves.handle.is_empty() && self.moves.shape.is_empty()).then_some(STILL)
     }
 
-    fn run(&self, inputs: RingInputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
+    fn run(&self, inputs: RingInputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let (lattice, handles) = (inputs.lattice, self.moves.handles()?);
         let only_shapes = handles.is_empty() && !self.moves.shape.is_empty();
         let solved = if only_shapes {
@@ -144,8 +143,7 @@ impl Op for ElasticMethod {
     const REVISION: u32 = REVISION;
     const REMARK: Option<Remark<Figures>> = REMARK;
     type Inputs<'a> = ElasticInputs<'a>;
-    type Output = Motion;
-    type Figures = Figures;
+    type Gives = (Motion, Figures);
 
     fn memory(&self) -> Option<Memory> {
         Some(Memory { voxel: 14, reached: 0, triangle: 60 })
@@ -173,7 +171,7 @@ impl Op for ElasticMethod {
         idle(&self.moves, &self.rigid)
     }
 
-    fn run(&self, inputs: ElasticInputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
+    fn run(&self, inputs: ElasticInputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let (lattice, handles, bones) = (inputs.lattice, self.moves.handles()?, self.bones()?);
         if handles.is_empty() && bones.is_empty() && !self.moves.shape.is_empty() {
             return shaped(lattice, None, &self.moves, exec);
@@ -192,8 +190,7 @@ macro_rules! on_springs {
             const REVISION: u32 = REVISION;
             const REMARK: Option<Remark<Figures>> = REMARK;
             type Inputs<'a> = Inputs<'a>;
-            type Output = Motion;
-            type Figures = Figures;
+            type Gives = (Motion, Figures);
 
             fn memory(&self) -> Option<Memory> {
                 $memory
@@ -215,7 +212,7 @@ macro_rules! on_springs {
                 self.body.idle()
             }
 
-            fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<(Motion, Figures), Failure> {
+            fn run(&self, inputs: Inputs<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
                 self.body.run(&self.params(), inputs, exec)
             }
         }

@@ -175,8 +175,8 @@ impl ImportFigures {
 pub struct ImportLabels;
 
 slots! {
-    /// What is taken for labels.
-    struct Given<'a> { volume: &'a Volume }
+    /// What is taken for labels, or what they lie on.
+    pub(super) struct Given<'a> { volume: &'a Volume }
 }
 
 /// What imported labels come to.
@@ -196,15 +196,14 @@ pub struct ImportLabelsFigures {
     pub voxels: usize,
 }
 
+/// What is known of an import of labels beside a volume, whose figures have this schema.
+pub(super) fn facts_of_labels(figures: fn() -> &'static Value) -> Facts {
+    Facts { name: IMPORT, revision: 1, inputs: Given::SLOTS, output: Some(Kind::Labels), figures }
+}
+
 impl Stage for ImportLabels {
     fn facts(&self) -> Facts {
-        Facts {
-            name: IMPORT,
-            revision: 1,
-            inputs: Given::SLOTS,
-            output: Some(Kind::Labels),
-            figures: schema_of::<ImportLabelsFigures>,
-        }
+        facts_of_labels(schema_of::<ImportLabelsFigures>)
     }
 
     fn params(&self) -> Value {

@@ -1,13 +1,14 @@
 use std::path::PathBuf;
 
 use ivd_artefact::Kind;
-use ivd_core::op::{Slots as _, Voxelwise, schema_of};
-use ivd_core::{Exec, Labels, Value as _, Volume, slots};
+use ivd_core::op::{Voxelwise, schema_of};
+use ivd_core::{Exec, Labels, Value as _};
 use ivd_segment::ClassFigures;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::import::{Given, facts_of_labels};
 use super::onto::labels_on;
 use super::{IMPORT, ImportOperand, PutOntoFigures};
 use crate::{Error, Facts, Inputs, Metrics, Stage, StageOutput};
@@ -17,11 +18,6 @@ use crate::{Error, Facts, Inputs, Metrics, Stage, StageOutput};
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ImportLabelsOf {
     file: ImportOperand,
-}
-
-slots! {
-    /// Whose labels they are.
-    struct Given<'a> { volume: &'a Volume }
 }
 
 /// What labels of a scan come to.
@@ -46,13 +42,7 @@ impl ImportLabelsOf {
 
 impl Stage for ImportLabelsOf {
     fn facts(&self) -> Facts {
-        Facts {
-            name: IMPORT,
-            revision: 1,
-            inputs: Given::SLOTS,
-            output: Some(Kind::Labels),
-            figures: schema_of::<LabelsOfFigures>,
-        }
+        facts_of_labels(schema_of::<LabelsOfFigures>)
     }
 
     fn params(&self) -> Value {

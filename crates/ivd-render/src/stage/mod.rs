@@ -231,10 +231,9 @@ fn rate(start: Instant) -> f64 {
 impl Op for DifferenceParams {
     const REVISION: u32 = 1;
     type Inputs<'a> = Pair<'a>;
-    type Output = Image;
-    type Figures = DifferenceFigures;
+    type Gives = (Image, DifferenceFigures);
 
-    fn run(&self, inputs: Pair<'_>, _: &Exec) -> Result<(Image, DifferenceFigures), Failure> {
+    fn run(&self, inputs: Pair<'_>, _: &Exec) -> Result<Self::Gives, Failure> {
         let start = Instant::now();
         let found = difference(inputs.before, inputs.after)?;
         let figures = DifferenceFigures {

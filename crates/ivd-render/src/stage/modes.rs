@@ -173,8 +173,7 @@ macro_rules! plain {
         impl Op for $params {
             const REVISION: u32 = REVISION;
             type Inputs<'a> = Plain<'a>;
-            type Output = Image;
-            type Figures = RenderFigures;
+            type Gives = (Image, RenderFigures);
             const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
             fn check_together(&self) -> Result<(), ParamError> {
@@ -193,7 +192,7 @@ macro_rules! plain {
                 $beside(self)
             }
 
-            fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
+            fn run(&self, inputs: Plain<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
                 drawn(&inputs.into(), &self.asked().map_err(crate::Error::from)?, exec)
             }
         }

@@ -70,8 +70,7 @@ impl Op for MovedParams {
     const REVISION: u32 = 100 * REVISION + 1;
     const REMARK: Option<Remark<MovedFigures>> = Some(MovedFigures::remark);
     type Inputs<'a> = Coloured<'a>;
-    type Output = Image;
-    type Figures = MovedFigures;
+    type Gives = (Image, MovedFigures);
 
     fn wants(&self, slot: &str) -> Want {
         // A surface has no colours here, and is one of values.
@@ -89,7 +88,7 @@ impl Op for MovedParams {
         self.classes.check_together()
     }
 
-    fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, MovedFigures), Failure> {
+    fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
         let start = Instant::now();
         let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
         let changed = self.classes.changed(transfer)?;

@@ -92,8 +92,7 @@ macro_rules! coloured {
         impl Op for $params {
             const REVISION: u32 = REVISION;
             type Inputs<'a> = Coloured<'a>;
-            type Output = Image;
-            type Figures = RenderFigures;
+            type Gives = (Image, RenderFigures);
             const REMARK: Option<Remark<RenderFigures>> = Some(RenderFigures::remark);
 
             fn check_together(&self) -> Result<(), ParamError> {
@@ -113,7 +112,7 @@ macro_rules! coloured {
                 $beside(self)
             }
 
-            fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<(Image, RenderFigures), Failure> {
+            fn run(&self, inputs: Coloured<'_>, exec: &Exec) -> Result<Self::Gives, Failure> {
                 let Coloured { volume, transfer, labels, displacement, framing, whole, lattice } = inputs;
                 let changed = self.classes.changed(transfer)?;
                 let transfer = changed.as_ref().or(transfer);
