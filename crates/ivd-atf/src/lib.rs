@@ -81,5 +81,5 @@ pub use error::Error;
 pub use figures::{Boundary, ClosePair, Figures, MaterialVisibility};
 pub use isovalue::from_isovalue;
 pub use params::{Axes, Inputs, OpacityRule, Palette, Params, ValueScale};
-pub use roles::{is_computed_tomography, matter_of_hounsfield};
+pub use roles::{is_computed_tomography, matter_of_hounsfield, soft_tissue_window};
 pub use stage::STAGE;

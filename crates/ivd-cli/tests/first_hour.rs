@@ -29,6 +29,23 @@ fn figures(page: &str) -> Vec<(String, Value)> {
 }
 
 #[test]
+fn a_lattice_that_is_coarse_for_what_it_wraps_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (level, is_noted) in [(1, false), (5, true)] {
+        let scene = SCENE.replace("level = 1", &format!("level = {level}"));
+        let told: Value = serde_json::from_slice(&pipeline(at, &scene).stdout).unwrap();
+        let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
+        let refined = told["stages"].as_array().unwrap().iter().find(|s| s["stage"] == "refine").unwrap();
+        let seen = refined["metrics"]["seen_error_mm"].as_f64().unwrap();
+        // Of a ball of 12 mm: an eighth, and a voxel's diagonal.
+        assert_eq!(seen > 3.0_f64.sqrt(), is_noted, "{seen} mm");
+        assert_eq!(page.contains("much for a part of about"), is_noted);
+        assert!(page.contains("mm of the surface as cut where that was looked at"));
+    }
+}
+
+#[test]
 fn a_report_tells_the_figures_of_json_and_what_was_asked() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

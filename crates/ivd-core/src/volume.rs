@@ -17,6 +17,16 @@ pub enum Modality {
     MagneticResonance,
 }
 
+impl Modality {
+    /// Its name in DICOM.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ComputedTomography => "CT",
+            Self::MagneticResonance => "MR",
+        }
+    }
+}
+
 /// A scalar volume: stored voxels, the slope and intercept that make them real, and the grid that places them.
 ///
 /// `real = slope · stored + intercept`. Kernels work on stored values and map thresholds into stored space, so that

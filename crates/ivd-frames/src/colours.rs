@@ -1,6 +1,6 @@
 //! Brightness, contrast and colours, as they are turned by hand.
 
-use ivd_atf::{ValueScale, is_computed_tomography};
+use ivd_atf::soft_tissue_window;
 use ivd_core::{TransferFunction, Volume};
 use ivd_pipeline::scene::WindowSection;
 
@@ -8,12 +8,6 @@ use ivd_pipeline::scene::WindowSection;
 const CLIPPED: f64 = 0.005;
 /// Voxels looked at, about.
 const LOOKED_AT: usize = 1 << 17;
-
-/// Usual for the trunk in computed tomography (HU): 400 wide about 40. Bone is white in it, lung black.
-const SOFT_TISSUE: Window = Window { low: -160.0, high: 240.0 };
-
-/// Share of the voxels looked at, at least, that are soft tissue where it is looked for.
-const SOFT: f64 = 0.1;
 
 /// The values that are black and white.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +24,9 @@ impl Window {
 
     /// What soft tissue is told apart in, of computed tomography that shows some; else what most values of a volume lie in.
     pub(crate) fn of(volume: &Volume) -> Self {
+        if let Some([low, high]) = soft_tissue_window(volume) {
+            return Self { low, high };
+        }
         let len = volume.grid().len();
         let step = (len / LOOKED_AT).max(1);
         let mut values: Vec<f64> = (0..len)
@@ -37,12 +34,6 @@ impl Window {
             .map(|i| volume.real(volume.voxels().get(i)))
             .filter(|value| value.is_finite())
             .collect();
-        let Self { low, high } = SOFT_TISSUE;
-        let soft = values.iter().filter(|value| (low..high).contains(value)).count();
-        let is_tomography = || is_computed_tomography(volume, ValueScale::Auto);
-        if soft as f64 >= SOFT * values.len() as f64 && is_tomography() {
-            return SOFT_TISSUE;
-        }
         values.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
             let last = values.len().saturating_sub(1) as f64;
@@ -144,7 +135,7 @@ mod tests {
         };
         let of = |low, high| Volume::new(grid.clone(), Voxels::from(values(low, high))).unwrap();
         let scan = of(-1000.0, 1200.0);
-        assert_eq!(Window::of(&scan), SOFT_TISSUE);
+        assert_eq!(Window::of(&scan), Window { low: -160.0, high: 240.0 });
         // A map of phases reaches as far, and shows none.
         assert!(Window::of(&of(-4096.0, 4095.0)).high > 3000.0);
         let resonance = scan.with_modality(Some(Modality::MagneticResonance));

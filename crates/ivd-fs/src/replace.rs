@@ -21,7 +21,7 @@ const PIECE: usize = 1 << 18;
 /// is its user's alone while it is written. Where `content` fails the target stays as it was and nothing else is left.
 /// What killed processes left in the folder is removed.
 ///
-/// - `failed`: makes the caller's error of what was tried (`"create a file beside"`, `"write"`, `"replace"`) and the
+/// - `failed`: makes the caller's error of what was tried (`"create it"`, `"write"`, `"replace"`) and the
 ///   system's answer.
 ///
 /// # Errors
@@ -45,8 +45,7 @@ pub fn replace<E>(
     if old.as_ref().is_some_and(|old| !old.is_file()) {
         return Err(failed("replace", io::Error::other("it is no regular file")));
     }
-    let mut fresh =
-        beside(folder, old.is_some()).map_err(|e| failed("create a file beside", named(folder, e)))?;
+    let mut fresh = beside(folder, old.is_some()).map_err(|e| failed("create it", named(folder, e)))?;
     let mut sink = BufWriter::with_capacity(PIECE, fresh.as_file_mut());
     content(&mut sink)?;
     sink.flush().map_err(|e| failed("write", e))?;

@@ -73,7 +73,7 @@ fn a_failure_leaves_the_old_file_and_no_litter_and_names_what_was_tried() {
     let tried = |path: &Path| replace(path, |what, _| what, |_| Ok(())).unwrap_err();
     let missing = folder.path().join("missing");
     let said = replace(&missing.join("a.bin"), |what, e| format!("{what}: {e}"), |_| Ok(())).unwrap_err();
-    assert_eq!(said, format!("create a file beside: there is no folder {}", missing.display()));
+    assert_eq!(said, format!("create it: there is no folder {}", missing.display()));
     fs::create_dir(folder.path().join("folder")).unwrap();
     assert_eq!(tried(&folder.path().join("folder")), "replace");
     assert_eq!(names(folder.path()), ["a.bin", "folder"]);

@@ -104,10 +104,16 @@ fn told_of(class: &ivd_core::Class, at: Whereabouts, grid: &Grid) -> Value {
 /// What an artefact holds, as JSON: dims, ranges, classes, counts; for motions every displacement.
 pub fn describe(artefact: &Artefact) -> Value {
     match artefact {
-        Artefact::Volume(v) => json!({
-            "kind": "volume", "grid": grid_facts(v.grid()), "type": v.voxel_type().name(), "slope": v.slope(),
-            "intercept": v.intercept(), "range": v.range(), "missing": v.missing(), "distribution": distribution(v),
-        }),
+        Artefact::Volume(v) => {
+            let mut told = json!({
+                "kind": "volume", "grid": grid_facts(v.grid()), "type": v.voxel_type().name(), "slope": v.slope(),
+                "intercept": v.intercept(), "range": v.range(), "missing": v.missing(), "distribution": distribution(v),
+            });
+            if let Some(modality) = v.modality() {
+                told["modality"] = json!(modality.name());
+            }
+            told
+        }
         Artefact::Labels(l) => {
             json!({ "kind": "labels", "grid": grid_facts(l.grid()), "classes": classes(l) })
         }

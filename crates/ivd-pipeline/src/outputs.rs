@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ivd_artefact::{Artefact, ContentHash};
-use ivd_core::{Exec, Image, Labels, Lattice, Motion, Value as _};
+use ivd_core::{Exec, Image, Labels, Lattice, Motion, Value as _, Volume};
 use ivd_field::class_volume::by_class;
 use ivd_io::Space;
 use ivd_report::{MovedSlices, Outlines, ResultSlices};
@@ -194,6 +194,11 @@ impl<'a> Writer<'a> {
         self.data.decisions = decisions;
     }
 
+    /// Values that are black and white in slices of the report.
+    fn window(&self, volume: &Volume) -> Option<[f64; 2]> {
+        self.exec.run(|| report::slice_window(self.scene, volume))
+    }
+
     /// Keeps what the report shows of a result: small things only.
     fn collect(
         &mut self,
@@ -230,7 +235,7 @@ impl<'a> Writer<'a> {
                         self.exec.run(|| whole(volume))?;
                     }
                     let at = self.data.moved.as_ref().map(|moved| moved.at);
-                    self.data.result = Some(ResultSlices::of(volume, result, at)?);
+                    self.data.result = Some(ResultSlices::of((volume, self.window(volume)), result, at)?);
                 }
             }
             Artefact::Displacement(displacement) if node.outputs.contains(&"report") => {
@@ -244,7 +249,7 @@ impl<'a> Writer<'a> {
                     let colour = drawn.map(|labels| report::colour_of(labels, self.data.transfer.as_ref()));
                     let outlines =
                         drawn.zip(colour.as_ref()).map(|(labels, colour)| Outlines { labels, colour });
-                    self.data.moved = MovedSlices::of(volume, displacement, outlines)?;
+                    self.data.moved = MovedSlices::of((volume, self.window(volume)), displacement, outlines)?;
                 }
                 self.data.specks_moved =
                     beside(node, earlier).map(|(lattice, _)| report::specks_moved(lattice, displacement));

@@ -46,6 +46,9 @@ pub struct ClassLooks {
     /// Classes that aren't drawn.
     #[schemars(extend("x-unit" = "1"))]
     pub hide: Vec<u16>,
+    /// Classes that are drawn alone; all where none is named.
+    #[schemars(extend("x-unit" = "1"))]
+    pub show: Vec<u16>,
     /// Whether what labels leave out (label 0) is drawn as it is without labels; else it is clear.
     pub unlabelled: bool,
 }
@@ -57,6 +60,9 @@ impl ClassLooks {
         {
             let remedy = "give # and six hexadecimal digits, such as #ff8800";
             return Err(ParamError::new(format!("colour.{class}"), format!("`{text}`"), remedy));
+        }
+        if !self.hide.is_empty() && !self.show.is_empty() {
+            return Err(ParamError::new("show", "beside hide".to_owned(), "keep one of them"));
         }
         match self.hide.iter().find(|class| self.opacity.contains_key(class)) {
             Some(class) => {
@@ -84,8 +90,8 @@ impl ClassLooks {
         for (class, Opacity(opacity)) in &self.opacity {
             looks.entry(*class).or_default().opacity = Some(*opacity as f32);
         }
-        for class in &self.hide {
-            looks.entry(*class).or_default().opacity = Some(0.0);
+        for class in self.hidden(transfer) {
+            looks.entry(class).or_default().opacity = Some(0.0);
         }
         for (class, colour) in &self.colour {
             looks.entry(*class).or_default().rgb = colour.linear();
@@ -96,13 +102,21 @@ impl ClassLooks {
 
     /// Whether nothing is drawn otherwise.
     pub fn is_empty(&self) -> bool {
-        self.opacity.is_empty() && self.colour.is_empty() && self.hide.is_empty()
+        self.opacity.is_empty() && self.colour.is_empty() && self.hide.is_empty() && self.show.is_empty()
+    }
+
+    /// Of a transfer function's classes those that aren't drawn.
+    pub fn hidden(&self, transfer: &TransferFunction) -> Vec<u16> {
+        let all = transfer.classes_with_looks();
+        let left_out = all.filter(|class| !self.show.is_empty() && !self.show.contains(class));
+        self.hide.iter().copied().chain(left_out).collect()
     }
 
     fn require_known(&self, transfer: &TransferFunction) -> Result<(), ParamError> {
         let named = self.opacity.keys().map(|class| (format!("opacity.{class}"), class));
         let named = named.chain(self.colour.keys().map(|class| (format!("colour.{class}"), class)));
-        let mut named = named.chain(self.hide.iter().map(|class| ("hide".to_owned(), class)));
+        let named = named.chain(self.hide.iter().map(|class| ("hide".to_owned(), class)));
+        let mut named = named.chain(self.show.iter().map(|class| ("show".to_owned(), class)));
         let known: Vec<u16> = transfer.classes_with_looks().collect();
         let Some((field, class)) = named.find(|(_, class)| !known.contains(class)) else { return Ok(()) };
         let is_transition = transfer.entries().iter().any(|entry| entry.class == *class);

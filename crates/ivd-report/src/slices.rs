@@ -29,12 +29,13 @@ pub fn class_slices(labels: &Labels, colour: impl Fn(usize) -> [u8; 3]) -> Resul
 
 /// The middle slices of a volume, each beside the same of its labels; `png` makes a PNG file of a picture.
 ///
+/// - `window`: values that are black and white; without it all but a few of a slice lie between.
 /// - `lettered`: whether left and right are known.
 ///
 /// # Errors
 /// A picture that can't be shown.
 pub fn slices<E: From<Error>>(
-    volume: &Volume,
+    (volume, window): (&Volume, Option<[f64; 2]>),
     coloured: &[Image],
     lettered: bool,
     png: impl Fn(&Image) -> Result<Vec<u8>, E>,
@@ -43,7 +44,7 @@ pub fn slices<E: From<Error>>(
     let mut html = String::from("<div class='pictures'>");
     for (plane, classes) in planes(grid).iter().zip(coloured) {
         let at = grid.dims()[plane.cut()] / 2;
-        let window = window(&values(volume, plane, at));
+        let window = window.unwrap_or_else(|| bulk(&values(volume, plane, at)));
         let grey = grey(volume, plane, at, window)?;
         html += "<figure>";
         html += &view(plane, grid, lettered, "slice", &png(&grey)?);
@@ -111,12 +112,12 @@ pub struct MovedSlices {
 }
 
 impl MovedSlices {
-    /// Of a volume and its motion, with the borders of labels at rest and as they go along; `None` where nothing moves.
+    /// Of a volume and its motion, with the borders of labels at rest and as they go along; `None` where nothing moves. `window` as for [`slices`].
     ///
     /// # Errors
     /// Those of a picture's constructor.
     pub fn of(
-        volume: &Volume,
+        (volume, window): (&Volume, Option<[f64; 2]>),
         motion: &Displacement,
         outlines: Option<Outlines<'_>>,
     ) -> Result<Option<Self>, Error> {
@@ -125,7 +126,7 @@ impl MovedSlices {
         let all = planes(volume.grid());
         let images = all.iter().map(|plane| {
             let cut = at[plane.cut()];
-            let window = window(&values(volume, plane, cut));
+            let window = window.unwrap_or_else(|| bulk(&values(volume, plane, cut)));
             let drawn = |class: Classes<'_>, value: &dyn Fn([usize; 3]) -> f64| {
                 plane.slice(dims, cut, |voxel| {
                     let line = outlines.and_then(|all| all.line(plane, voxel, |voxel| class(all, voxel)));
@@ -182,16 +183,20 @@ pub struct ResultSlices {
 }
 
 impl ResultSlices {
-    /// Of a volume and another on its grid, through a voxel, the middle where none is given.
+    /// Of a volume and another on its grid, through a voxel, the middle where none is given. `window` as for [`slices`].
     ///
     /// # Errors
     /// Those of a picture's constructor.
-    pub fn of(before: &Volume, after: &Volume, at: Option<[usize; 3]>) -> Result<Self, Error> {
+    pub fn of(
+        (before, window): (&Volume, Option<[f64; 2]>),
+        after: &Volume,
+        at: Option<[usize; 3]>,
+    ) -> Result<Self, Error> {
         let at = at.unwrap_or(before.grid().dims().map(|n| n / 2));
         let all = planes(before.grid());
         let images = all.iter().map(|plane| {
             let cut = at[plane.cut()];
-            let window = window(&values(before, plane, cut));
+            let window = window.unwrap_or_else(|| bulk(&values(before, plane, cut)));
             Ok([grey(before, plane, cut, window)?, grey(after, plane, cut, window)?])
         });
         Ok(Self { at, images: images.collect::<Result<_, Error>>()? })
@@ -350,7 +355,7 @@ fn values(volume: &Volume, plane: &Plane, at: usize) -> Vec<f64> {
 }
 
 /// Values that are shown black and white: all but a few lie between.
-fn window(values: &[f64]) -> [f64; 2] {
+fn bulk(values: &[f64]) -> [f64; 2] {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     let out = (CLIPPED * sorted.len() as f64) as usize;
@@ -419,9 +424,9 @@ mod tests {
         assert_eq!(pixels[3], [0, 0, 0, 0], "no data is clear");
         let classes = class_slices(&labels, rgb).unwrap();
         let png = |_: &Image| Ok::<_, Error>(Vec::new());
-        let html = slices(&volume, &classes, true, png).unwrap();
+        let html = slices((&volume, None), &classes, true, png).unwrap();
         assert_eq!((html.matches("<img").count(), html.matches(">R<").count()), (6, 4));
-        assert_eq!(slices(&volume, &classes, false, png).unwrap().matches(">R<").count(), 0);
+        assert_eq!(slices((&volume, None), &classes, false, png).unwrap().matches(">R<").count(), 0);
     }
 
     #[test]
@@ -435,14 +440,14 @@ mod tests {
         let down = vec![[0.0, 0.0, -2.0_f32]; 512];
         let field = |vectors: Vec<[f32; 3]>| FieldBricks::of_bricks([16; 3], &[7], vectors.into()).unwrap();
         let motion = Displacement::new(grid.clone(), field(up), field(down)).unwrap();
-        let moved = MovedSlices::of(&volume, &motion, None).unwrap().unwrap();
+        let moved = MovedSlices::of((&volume, None), &motion, None).unwrap().unwrap();
         assert_eq!((moved.at, moved.largest), ([11, 12, 13], 4.0));
         // Of those that move nearly as far it is the brightest, as others may lie in air.
         let mut nearly = motion.forward().vectors().to_vec();
         nearly[3 + 8 * (4 + 8 * 7)] = [0.0, 0.0, 3.8];
         let back = motion.inverse().clone();
         let nearly = Displacement::new(grid.clone(), field(nearly), back).unwrap();
-        let shown = MovedSlices::of(&volume, &nearly, None).unwrap().unwrap();
+        let shown = MovedSlices::of((&volume, None), &nearly, None).unwrap().unwrap();
         assert_eq!((shown.at, shown.largest), ([11, 12, 15], 4.0));
         // Deformed, what was at z − 1 lies at z; elsewhere nothing changes.
         assert_eq!(deformed(&volume, &motion, [9, 9, 10]), 9.0);
@@ -464,9 +469,9 @@ mod tests {
         assert_eq!(drawn(&|z| rest(&coronal, z)), [9, 11]);
         assert_eq!(drawn(&|z| rest(&axial, z)), [0_usize; 0], "within a layer none ends");
         assert_eq!((drawn(&after), after(10)), (vec![10, 12], Some([200, 0, 0, 255])));
-        let moved = MovedSlices::of(&volume, &motion, Some(outlines)).unwrap().unwrap();
+        let moved = MovedSlices::of((&volume, None), &motion, Some(outlines)).unwrap().unwrap();
         let html = moved.html(&grid, true, |_| Ok::<_, Error>(Vec::new())).unwrap();
         assert!(html.contains("Lines: where the labels' classes end"), "{html}");
-        assert!(MovedSlices::of(&volume, &Displacement::identity(grid), None).unwrap().is_none());
+        assert!(MovedSlices::of((&volume, None), &Displacement::identity(grid), None).unwrap().is_none());
     }
 }

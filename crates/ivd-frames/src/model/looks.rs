@@ -27,7 +27,7 @@ pub(super) struct Look {
 pub(super) type Looks = BTreeMap<u16, Look>;
 
 /// As a scene has them.
-fn of_scene(looks: &ClassLooks) -> Looks {
+fn of_scene(looks: &ClassLooks, transfer: Option<&TransferFunction>) -> Looks {
     let mut all = Looks::new();
     for (class, Opacity(opacity)) in &looks.opacity {
         all.entry(*class).or_default().opacity = Some(*opacity);
@@ -35,15 +35,17 @@ fn of_scene(looks: &ClassLooks) -> Looks {
     for (class, Colour(colour)) in &looks.colour {
         all.entry(*class).or_default().colour = Some(colour.clone());
     }
-    for class in &looks.hide {
-        all.entry(*class).or_default().hidden = true;
+    let hidden = transfer.map_or_else(|| looks.hide.clone(), |transfer| looks.hidden(transfer));
+    for class in hidden {
+        all.entry(class).or_default().hidden = true;
     }
     all
 }
 
 /// As a subject begins with them.
 pub(super) fn of_subject(subject: &Subject) -> Looks {
-    subject.looks.as_ref().map(of_scene).unwrap_or_default()
+    let looks = subject.looks.as_ref();
+    looks.map(|looks| of_scene(looks, subject.transfer.as_ref())).unwrap_or_default()
 }
 
 /// The transfer function that a subject is first drawn with.
@@ -236,11 +238,13 @@ impl Model {
         if self.subject.looks.is_none() {
             return Ok(());
         }
-        let ClassLooks { opacity, colour, hide, unlabelled: _ } = to_scene(&self.looks);
+        let ClassLooks { opacity, colour, hide, .. } = to_scene(&self.looks);
         let opacity = (!opacity.is_empty()).then(|| json!(opacity));
         let colour = (!colour.is_empty()).then(|| json!(colour));
         let hide = (!hide.is_empty()).then(|| json!(hide));
-        scene.set(&ivd_render::STAGE, &[("opacity", opacity), ("colour", colour), ("hide", hide)])?;
+        // What isn't shown is hidden.
+        let keys = [("opacity", opacity), ("colour", colour), ("hide", hide), ("show", None)];
+        scene.set(&ivd_render::STAGE, &keys)?;
         Ok(())
     }
 }

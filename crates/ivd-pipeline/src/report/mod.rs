@@ -12,11 +12,12 @@ mod recorded;
 mod segmentation;
 mod summary;
 
-use ivd_core::{Displacement, Image, Labels, Lattice, Motion, TransferFunction};
+use ivd_core::{Displacement, Image, Labels, Lattice, Motion, TransferFunction, Volume};
 use ivd_lattice::repair::small_components;
 use nalgebra::Vector3;
 
 use crate::Error;
+use crate::scene::Scene;
 use colours::class_rgb;
 
 pub(crate) use data::ReportData;
@@ -44,6 +45,12 @@ pub(crate) fn specks_moved(lattice: &Lattice, displacement: &Displacement) -> u6
         voxel.is_some_and(|voxel| field.at(voxel) != [0.0; 3])
     };
     small_components(lattice, SMALL, moves)
+}
+
+/// Values that are black and white in slices: those that the scene says windows show, else those of soft tissue, where a volume has it in Hounsfield units.
+pub(crate) fn slice_window(scene: &Scene, volume: &Volume) -> Option<[f64; 2]> {
+    let said = scene.window.as_ref().and_then(|window| window.values);
+    said.or_else(|| ivd_atf::soft_tissue_window(volume))
 }
 
 /// The middle slices of a labelling, coloured as in pictures by a transfer function.

@@ -14,6 +14,7 @@ use ivd_segment::{AnyFigures, Figures};
 use super::data::ReportData;
 use super::deformation::{Moves, bones, class_volumes, deformation};
 use super::segmentation::{class_densities, labelled, segmentation};
+use super::slice_window;
 use super::summary::summary;
 use crate::control::Decisions;
 use crate::pictures::png_bytes;
@@ -75,7 +76,12 @@ pub(crate) fn html(
     if let Some(found) = own.or(given) {
         let mut body = body_or_problem(found);
         if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
-            body += &slices(volume, &data.class_slices, lettered, png_bytes)?;
+            body += &slices(
+                (volume, slice_window(&loaded.scene, volume)),
+                &data.class_slices,
+                lettered,
+                png_bytes,
+            )?;
         }
         page.section("Classes", &body);
     }

@@ -411,7 +411,7 @@ fn told(
         };
         Some(Told { about: record.stage.clone(), frame, text: record.remark.clone()?, warns })
     });
-    let mut told: Vec<Told> = remarks.collect();
+    let mut told = joined(remarks);
     let cut = figures_of::<LatticeFigures>(records, extract::STAGE.name)?;
     let refined = figures_of::<RefineFigures>(records, refine::STAGE.name)?;
     // A corner of a voxel that is squeezed hides nothing.
@@ -448,6 +448,20 @@ fn told(
         *about = format!("{about} and {stage}");
     }
     Ok(told)
+}
+
+/// Frames that are told the same, but for numbers, are told once, with the first of them.
+fn joined(all: impl Iterator<Item = Told>) -> Vec<Told> {
+    let words = |text: &str| text.replace(|c: char| c.is_ascii_digit() || ".,-[]e".contains(c), "");
+    let mut told: Vec<Told> = Vec::new();
+    for next in all {
+        let is_like = |told: &&mut Told| told.about == next.about && words(&told.text) == words(&next.text);
+        match told.iter_mut().find(|told| !next.frame.is_empty() && is_like(told)) {
+            Some(first) => first.frame += &next.frame,
+            None => told.push(next),
+        }
+    }
+    told
 }
 
 /// A lattice that lies further from the surface as cut than a voxel's diagonal and this share of a part's radius is noted.

@@ -104,12 +104,15 @@ impl Stage for ImportField {
         };
         let made = given::displacement(grid, vectors, leads, exec).map_err(Error::in_stage(IMPORT))?;
         let displacement = made.displacement;
-        let forward = displacement.forward();
-        let moving = forward.vectors().iter().filter(|vector| **vector != [0.0; 3]);
+        let given = match direction {
+            FieldDirection::Forward => displacement.forward(),
+            FieldDirection::Inverse => displacement.inverse(),
+        };
+        let moving = given.vectors().iter().filter(|vector| **vector != [0.0; 3]);
         let figures = ImportFieldFigures {
             direction: direction.name().to_owned(),
             voxels_moved: moving.count() as u64,
-            largest_mm: forward.longest(),
+            largest_mm: given.longest(),
             min_det_j: displacement.min_det_j(),
             folds: made.certificate.folded.len() as u64,
             inverse_residual_max_voxel: displacement.inverse_residual_max(),

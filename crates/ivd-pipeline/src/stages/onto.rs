@@ -74,8 +74,8 @@ impl PutOntoFigures {
             let all: usize = self.dims.iter().product();
             told.push(counted(
                 self.voxels_without_source,
-                &format!("of the volume's {all} voxels lies outside of the file: 0"),
-                &format!("of the volume's {all} voxels lie outside of the file: 0"),
+                &format!("of the volume's {all} voxels lies outside of the file and has 0"),
+                &format!("of the volume's {all} voxels lie outside of the file and have 0"),
             ));
         }
         if self.voxels_left_out > 0 {

@@ -89,6 +89,8 @@ fn a_hidden_class_is_gone_and_the_others_are_as_they_were() {
     assert_eq!(colours(&transfer, None, hidden), [0, blue, 0]);
     let both = ClassLooks { hide: vec![1, 2], ..ClassLooks::default() };
     assert_eq!(colours(&transfer, None, both), [0; 3]);
+    let alone = ClassLooks { show: vec![2], ..ClassLooks::default() };
+    assert_eq!(colours(&transfer, None, alone), [0, blue, 0]);
     let clear =
         ClassLooks { opacity: [(1, Opacity(0.0)), (2, Opacity(0.0))].into(), ..ClassLooks::default() };
     assert_eq!(colours(&transfer, None, clear), [0; 3]);
@@ -109,6 +111,8 @@ fn a_class_that_is_not_known_is_refused_with_those_that_are() {
     let looks = ClassLooks { hide: vec![7], ..ClassLooks::default() };
     let refused = looks.of(&transfer).unwrap_err().to_string();
     assert!(refused.contains("hide") && refused.contains('7') && refused.contains("1, 2"), "{refused}");
+    let looks = ClassLooks { show: vec![7], ..ClassLooks::default() };
+    assert!(looks.of(&transfer).unwrap_err().to_string().contains("show"));
     let foreign = TransferFunction::new([0.0, 1.0], 2, 1.0, vec![0], vec![[0.5; 4]; 2], vec![]).unwrap();
     let refused = looks.of(&foreign).unwrap_err().to_string();
     assert!(refused.contains("knows no classes"), "{refused}");
