@@ -32,16 +32,18 @@ fn figures(page: &str) -> Vec<(String, Value)> {
 fn a_lattice_that_is_coarse_for_what_it_wraps_is_noted() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    for (level, is_noted) in [(1, false), (5, true)] {
-        let scene = SCENE.replace("level = 1", &format!("level = {level}"));
+    // A ball of 33.6 mm in voxels of 1 mm: what is much is more than an eighth of that, and than a voxel's diagonal.
+    for (level, is_noted) in [(4, false), (5, true)] {
+        let scene = format!(
+            "schema = 1\n[input]\nphantom = \"sphere\"\nsize = 96\n[lattice]\niso = 128.0\n[refine]\nlevel = {level}\n[output]\nreport = true\n"
+        );
         let told: Value = serde_json::from_slice(&pipeline(at, &scene).stdout).unwrap();
         let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
         let refined = told["stages"].as_array().unwrap().iter().find(|s| s["stage"] == "refine").unwrap();
         let seen = refined["metrics"]["seen_error_mm"].as_f64().unwrap();
-        // Of a ball of 12 mm: an eighth, and a voxel's diagonal.
-        assert_eq!(seen > 3.0_f64.sqrt(), is_noted, "{seen} mm");
-        assert_eq!(page.contains("much for a part of about"), is_noted);
-        assert!(page.contains("mm of the surface as cut where that was looked at"));
+        assert!(seen > 3.0_f64.sqrt() && (seen > 33.6 / 8.0) == is_noted, "{seen} mm");
+        assert_eq!(page.contains("which is much for what it wraps"), is_noted);
+        assert_eq!(page.contains("the radius of a ball, is 33.6 mm"), is_noted);
     }
 }
 
@@ -80,6 +82,7 @@ fn a_report_tells_the_figures_of_json_and_what_was_asked() {
         "sagittal",
         "deformed",
         "✓ <b>Trust:</b> the deformed volume follows the lattice to within ",
+        "mm of the surface as cut where that was looked at",
         "and it folds nowhere",
     ] {
         assert!(page.contains(words), "{words}");
@@ -405,6 +408,10 @@ fn a_displacement_goes_out_and_comes_back() {
             let told = &back["metrics"];
             assert_eq!((&told["direction"], &told["folds"]), (&direction.into(), &0.into()), "{file}");
             let largest = told["largest_mm"].as_f64().unwrap();
+            // Of the way that the file gives: as it is told of the file.
+            let file_told = json(at, &["info", &file])["content"].clone();
+            let moved = ["largest_mm", "voxels_moved"].map(|key| (file_told[key].clone(), told[key].clone()));
+            assert!(moved.iter().all(|(file, back)| file == back), "{moved:?}");
             assert!(
                 (largest / map["metrics"]["largest_mm"].as_f64().unwrap() - 1.0).abs() < 0.02,
                 "{file}: {told}"

@@ -115,6 +115,16 @@ fn pictures_go_by_labels_that_a_person_chose_where_one_of_them_moves() {
     // A skin of an isovalue has no label, and steps between values know none: they are drawn without.
     let ([skin, _], transfer, _) = drawn("[lattice]\niso = 40.0\n", "");
     assert!(skin == by_hand(&transfer, &[]));
+    // Nor has a part that is found by values.
+    let ([dense, _], transfer, _) = drawn("[boundary]\nabove = 60.0\n", "");
+    assert!(dense == by_hand(&transfer, &[]));
+    // One part alone, and what it can't go together with.
+    let ([alone, _], transfer, _) = drawn(part, "show = [3]\n");
+    assert!(alone == by_hand(&transfer, &[&labelled[..], &["--show", "3"]].concat()) && alone != before);
+    let both =
+        ["render", "v.ivd", "--transfer", &transfer, "--show", "3", "--opacity", "4=0.5", "-o", "p.png"];
+    let (code, told) = refused(at, &both);
+    assert!(code == 2 && told.contains("opacity.4"), "{told}");
     let steps = ["--classification", "pre-integrated"];
     let ([steep, _], transfer, _) = drawn(part, "classification = \"pre-integrated\"\n");
     assert!(steep == by_hand(&transfer, &steps));
@@ -216,7 +226,7 @@ fn a_report_tells_of_labels_as_of_a_segmentation() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     begin(at);
-    write(at, &format!("{SCENE}[output]\nreport = true\n"));
+    write(at, &format!("{SCENE}[window]\nvalues = [5.0, 90.0]\n[output]\nreport = true\n"));
     run(at);
     let page = std::fs::read_to_string(at.join("out/report.html")).unwrap();
     assert!(
@@ -225,6 +235,8 @@ fn a_report_tells_of_labels_as_of_a_segmentation() {
     );
     assert!(page.contains("<h2>Classes</h2>"), "a table of them");
     assert!(page.contains("render.unlabelled = true"), "what the pictures leave out");
+    let greys = "Black: 5.00 and below; white: 90.0 and above.";
+    assert_eq!(page.matches(greys).count(), 1, "how bright slices are");
     assert!(page.contains("Lines: where the labels' classes end"), "their borders in the slices");
 }
 

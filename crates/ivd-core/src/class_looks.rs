@@ -54,11 +54,17 @@ struct Changed<'a> {
     after: Vector4<f64>,
     /// Its colour, where that changes or nothing was seen of it.
     rgb: Option<[f32; 3]>,
+    /// Whether it is told to be gone.
+    is_hidden: bool,
 }
 
 impl Changed<'_> {
     /// A straight sample of a voxel that is known to be of the class.
     fn changed_voxel(&self, [r, g, b, alpha]: [f32; 4]) -> [f32; 4] {
+        // A background class was clear itself, and its voxels may have shown something of those beside them.
+        if self.is_hidden {
+            return [0.0; 4];
+        }
         if self.before == self.after {
             return [r, g, b, alpha];
         }
@@ -103,6 +109,7 @@ impl TransferFunction {
                 before: premultiplied(entry.rgb, entry.opacity),
                 after: premultiplied(after.rgb, after.opacity),
                 rgb: (entry.rgb != after.rgb || entry.opacity <= 0.0).then_some(after.rgb),
+                is_hidden: looks.get(&entry.class).is_some_and(|look| look.opacity == Some(0.0)),
             })
             .collect();
         let [low, high] = self.range();
@@ -322,5 +329,15 @@ mod tests {
         assert!(hidden.table()[41..82].iter().all(|sample| *sample == [0.0; 4]));
         assert_eq!(hidden.table()[82..], before.table()[82..], "the row of the other label");
         assert_alike(&changed(Some(BLUE), Some(0.1)), &made([(BLUE, 0.1), looks[1]]));
+        // What shows of others in the voxels of a clear class goes with it.
+        let clear = TransferEntry { class: 3, role: ClassRole::Background, opacity: 0.0, ..entry(0) };
+        let table = [before.table(), &before.table()[41..82]].concat();
+        let entries = vec![entry(0), entry(1), clear];
+        let beside = TransferFunction::new([0.0, 40.0], 41, 1.0, vec![0, 1, 2, 3], table, entries).unwrap();
+        assert!(beside.table()[123..].iter().any(|sample| sample[3] > 0.0));
+        let look = ClassLook { rgb: None, opacity: Some(0.0) };
+        let gone = beside.with_class_looks(&[(3, look)].into()).unwrap();
+        assert!(gone.table()[123..].iter().all(|sample| *sample == [0.0; 4]));
+        assert_eq!(gone.table()[..123], before.table()[..]);
     }
 }

@@ -8,8 +8,8 @@ use crate::Error;
 use crate::plan::{NodeId, Plan};
 use crate::runner::{Runner, StageRecord, StageResult};
 
-/// Is asked before every stage of a run and told after it, and may change the settings of those that are still to come. What isn't written decides nothing: every stage
-/// runs as the scene has it.
+/// Is asked before every stage of a run and told after it, and may change the settings of those that are still to come. Where none of this is written, every stage runs as the
+/// scene has it.
 pub trait Control {
     /// Before the stage at `at` runs: may give the plan's stages other settings ([`Plan::retune`]). Gives the stage's result where it has
     /// made that already.

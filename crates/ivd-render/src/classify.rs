@@ -245,6 +245,13 @@ mod tests {
         assert_eq!(c.of_labelled(70.0, 5)[3], 0.0);
         assert_eq!(c.of_labelled(70.0, 4), c.of(70.0), "a label without row");
         assert_eq!(c.of_labelled(90.0, 0), [0.0; 4], "no label");
+        let c = Classifier::new(&window(), [0.0, 100.0], |v| v, 0.5, Rows::LabelledOrUnion);
+        assert_eq!(c.of_labelled(70.0, 0), c.of(70.0), "what has no label, where that is seen");
+        assert_eq!(
+            (c.of(70.0)[3] > 0.0, c.of_labelled(70.0, 5)[3]),
+            (true, 0.0),
+            "a label has its own row all the same"
+        );
         let whole = of_part(entry, 2.0);
         assert!((whole[3] - 0.75).abs() < 1e-6);
     }

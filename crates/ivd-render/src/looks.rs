@@ -64,6 +64,11 @@ impl ClassLooks {
         if !self.hide.is_empty() && !self.show.is_empty() {
             return Err(ParamError::new("show", "beside hide".to_owned(), "keep one of them"));
         }
+        let is_left_out = |class: &&u16| !self.show.is_empty() && !self.show.contains(class);
+        if let Some(class) = self.opacity.keys().find(is_left_out) {
+            let problem = "and isn't one of show".to_owned();
+            return Err(ParamError::new(format!("opacity.{class}"), problem, "name it there, or drop it"));
+        }
         match self.hide.iter().find(|class| self.opacity.contains_key(class)) {
             Some(class) => {
                 let problem = format!("class {class}, which has an opacity");
@@ -100,19 +105,23 @@ impl ClassLooks {
         Ok(transfer.clone().with_class_looks(&looks)?)
     }
 
-    /// Whether nothing is drawn otherwise.
+    /// Whether no class is drawn otherwise than a transfer function says.
     pub fn is_empty(&self) -> bool {
         self.opacity.is_empty() && self.colour.is_empty() && self.hide.is_empty() && self.show.is_empty()
     }
 
-    /// Of a transfer function's classes those that aren't drawn.
+    /// Of a transfer function's classes, transitions among them, those that aren't drawn.
     pub fn hidden(&self, transfer: &TransferFunction) -> Vec<u16> {
-        let all = transfer.classes_with_looks();
+        let all = transfer.entries().iter().map(|entry| entry.class);
         let left_out = all.filter(|class| !self.show.is_empty() && !self.show.contains(class));
         self.hide.iter().copied().chain(left_out).collect()
     }
 
-    fn require_known(&self, transfer: &TransferFunction) -> Result<(), ParamError> {
+    /// Refuses classes that a transfer function doesn't know.
+    ///
+    /// # Errors
+    /// Names the key, with the classes that it does know.
+    pub fn require_known(&self, transfer: &TransferFunction) -> Result<(), ParamError> {
         let named = self.opacity.keys().map(|class| (format!("opacity.{class}"), class));
         let named = named.chain(self.colour.keys().map(|class| (format!("colour.{class}"), class)));
         let named = named.chain(self.hide.iter().map(|class| ("hide".to_owned(), class)));

@@ -432,7 +432,7 @@ impl Session {
             misfit: map.misfit,
             left_mm: map.left_mm,
             relaxations: map.relaxations,
-            largest_mm: shown.forward().longest(),
+            largest_mm: exec.run(|| shown.forward().longest()),
             times: Times {
                 solve: (solved - start).as_secs_f64(),
                 map: (found - solved).as_secs_f64(),

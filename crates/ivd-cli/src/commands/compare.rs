@@ -118,8 +118,7 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
         ],
         _ => Vec::new(),
     };
-    // What moves no voxel is the last digit of numbers that are written otherwise.
-    let is_apart = apart_mm(a, b) != Some(0.0);
+    let is_apart = !differ_by_digits(a, b);
     let places = grid_of(a).zip(grid_of(b)).map(|(here, there)| {
         let (spacing, origin, axes) = (
             here.spacing() != there.spacing(),
@@ -136,6 +135,15 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
     });
     let all = differences.into_iter().chain(places.into_iter().flatten());
     all.filter_map(|(what, differs)| differs.then_some(what)).collect()
+}
+
+/// Whether two grids differ by no more than the last digits of their numbers, which move no voxel.
+fn differ_by_digits(a: &Artefact, b: &Artefact) -> bool {
+    let Some((here, there)) = grid_of(a).zip(grid_of(b)) else { return false };
+    let are_near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(1.0);
+    let spacing = here.spacing().into_iter().zip(there.spacing());
+    let axes = here.direction().into_iter().flatten().zip(there.direction().into_iter().flatten());
+    apart_mm(a, b) == Some(0.0) && spacing.chain(axes).all(|(a, b)| are_near(a, b))
 }
 
 /// How far the voxels of one lie from those of the other at most (mm), where their grids count as one.

@@ -18,7 +18,7 @@ pub enum Want {
     Yes,
     /// It reads it in a scene that has the section of the stage which gives it.
     IfWritten,
-    /// It reads it where a person gives it as a file; in a scene where that gives the part that the lattice is cut at, too.
+    /// It reads it where a person gives it as a file. In a scene the part that the lattice is cut at must come of that file, too.
     IfGiven,
 }
 

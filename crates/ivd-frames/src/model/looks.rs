@@ -52,6 +52,9 @@ pub(super) fn of_subject(subject: &Subject) -> Looks {
 pub(crate) fn first_transfer(subject: &Subject) -> Result<Option<TransferFunction>, Error> {
     let turned = subject.scene.window.as_ref().map_or(Turned::NONE, Turned::of_section);
     let transfer = subject.transfer.as_ref();
+    if let Some((looks, transfer)) = subject.looks.as_ref().zip(transfer) {
+        looks.require_known(transfer).map_err(ivd_render::Error::from)?;
+    }
     transfer.map(|transfer| coloured(transfer, &of_subject(subject), turned)).transpose()
 }
 
@@ -235,7 +238,8 @@ impl Model {
 
     /// Writes the looks into a scene.
     pub(crate) fn write_looks(&self, scene: &mut ivd_pipeline::scene::Scene) -> Result<(), Error> {
-        if self.subject.looks.is_none() {
+        // What nobody has changed stays as it is written.
+        if self.subject.looks.is_none() || self.looks == of_subject(&self.subject) {
             return Ok(());
         }
         let ClassLooks { opacity, colour, hide, .. } = to_scene(&self.looks);

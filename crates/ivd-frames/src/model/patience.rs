@@ -12,7 +12,7 @@ pub struct Patience {
     pub drag: Duration,
     /// No try to come closer to a hand takes longer.
     pub one_try: Duration,
-    /// While it drags, tries (but one) begin no later than this, ...
+    /// While it drags, no try but the first begins later than this, ...
     pub tries: Duration,
     /// ... and once it has let go no later than this.
     pub dropped: Duration,

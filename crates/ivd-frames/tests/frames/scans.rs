@@ -2,7 +2,7 @@
 
 use ivd_artefact::Cache;
 use ivd_core::{Exec, Value as _, Volume};
-use ivd_frames::{Model, Subject, Tell};
+use ivd_frames::{Model, Patience, Subject, Tell};
 use ivd_pipeline::ExportOptions;
 
 use super::common::loaded;
@@ -16,5 +16,7 @@ pub(crate) fn model_of(volume: Volume, text: &str) -> Model {
     let mut loaded = loaded(text);
     folder.path().clone_into(&mut loaded.folder);
     let subject = Subject::open(&loaded, false, &Cache::disabled(), &exec, &Tell::default()).unwrap();
-    Model::new(subject, [128, 128], exec).unwrap()
+    let mut model = Model::new(subject, [128, 128], exec).unwrap();
+    model.wait(Patience::ENDLESS);
+    model
 }

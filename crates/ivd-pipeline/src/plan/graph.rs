@@ -495,10 +495,12 @@ fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earli
     };
     let last = |value: &str| earlier.iter().rev().find(|n| n.place.gives == value && n.stage.is_some());
     let is_made = |value: &str| last(value).is_some();
-    // A lattice of an isovalue has no label.
-    let is_of_mask =
-        |node: &PlanNode| node.stage.is_some() && node.inputs.iter().any(|(slot, _)| *slot == "mask");
-    let is_of_part = earlier.iter().any(|node| node.place.gives == "lattice" && is_of_mask(node));
+    // A part that is found by values has no label, nor has a lattice of an isovalue.
+    let reads = |node: &PlanNode, slot: &str| node.inputs.iter().any(|(name, _)| *name == slot);
+    let gives = |value: &'static str, slot: &'static str| {
+        earlier.iter().any(|node| node.place.gives == value && node.stage.is_some() && reads(node, slot))
+    };
+    let is_of_part = gives("mask", "labels") && gives("lattice", "mask");
     let is_left_empty = |slot: &str| place.leaves_empty(slot, is_made);
     let needs = place.needs.iter().copied().filter(|value| !is_left_empty(value));
     let mut missing = needs.into_iter().find(|value| !is_made(value));

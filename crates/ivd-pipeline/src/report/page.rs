@@ -5,7 +5,7 @@ use ivd_boundary::BoundaryFigures;
 use ivd_core::{Exec, Image, Value as _};
 use ivd_lattice::extract::{self, LatticeFigures};
 use ivd_lattice::refine::{self, RefineFigures};
-use ivd_report::html::escape;
+use ivd_report::html::{escape, number};
 use ivd_report::{
     Cell, Curve, Page, Pictures, body_or_problem, curve, pairs, shown, slices, table, value_histogram,
 };
@@ -42,14 +42,24 @@ pub(crate) fn html(
         "What was asked, and what was done",
         &body_or_problem(summary(loaded, records, data.specks_moved)),
     );
+    let window = match data.volume.as_deref() {
+        Some(Artefact::Volume(volume)) => exec.run(|| slice_window(&loaded.scene, volume)),
+        _ => None,
+    };
+    let told_window = window.map_or_else(String::new, |[low, high]| {
+        format!("<p class='scale'>Black: {} and below; white: {} and above.</p>", number(low), number(high))
+    });
     if let (Some(moved), Some(Artefact::Volume(volume))) = (&data.moved, data.volume.as_deref()) {
         page.section(
             "Slices through what moves about furthest",
-            &moved.html(volume.grid(), lettered, png_bytes)?,
+            &(moved.html(volume.grid(), lettered, png_bytes)? + &told_window),
         );
     }
     if let (Some(result), Some(Artefact::Volume(volume))) = (&data.result, data.volume.as_deref()) {
-        page.section("Slices of what came of it", &result.html(volume.grid(), lettered, png_bytes)?);
+        page.section(
+            "Slices of what came of it",
+            &(result.html(volume.grid(), lettered, png_bytes)? + &told_window),
+        );
     }
     page.section("Volume", &body_or_problem(volume_table(&loaded.scene.input, records)));
     let segment = records.iter().find(|r| r.stage == ivd_segment::STAGE.name && r.output.is_some());
@@ -76,12 +86,7 @@ pub(crate) fn html(
     if let Some(found) = own.or(given) {
         let mut body = body_or_problem(found);
         if let Some(Artefact::Volume(volume)) = data.volume.as_deref() {
-            body += &slices(
-                (volume, slice_window(&loaded.scene, volume)),
-                &data.class_slices,
-                lettered,
-                png_bytes,
-            )?;
+            body += &slices((volume, window), &data.class_slices, lettered, png_bytes)?;
         }
         page.section("Classes", &body);
     }

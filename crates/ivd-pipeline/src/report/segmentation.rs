@@ -80,8 +80,9 @@ pub(super) fn labelled(found: &LabelsOfFigures, are_alone: bool, data: &ReportDa
         ("voxels of the scan outside of the file", found.put.voxels_without_source.to_string()),
         ("labelled voxels outside of the scan", found.put.voxels_left_out.to_string()),
     ];
-    let clear = "clear in the pictures; render.unlabelled = true shows it".to_owned();
-    rows.extend(are_alone.then_some(("what has no label", clear)));
+    let clear = "clear in the pictures; render.unlabelled = true draws it by its values".to_owned();
+    let is_any = found.put.dims.iter().product::<usize>() as u64 > found.put.voxels_filled;
+    rows.extend((are_alone && is_any).then_some(("what has no label", clear)));
     pairs(&rows) + &classes(&found.classes, data)
 }
 

@@ -1,5 +1,7 @@
 //! What was asked and what was done: what moved, how far, and whether to trust it, on one screen.
 
+use std::fmt::Write as _;
+
 use ivd_boundary::BoundaryFigures;
 use ivd_core::counted;
 use ivd_field::clip::{self, ClipFigures};
@@ -450,18 +452,32 @@ fn told(
     Ok(told)
 }
 
-/// Frames that are told the same, but for numbers, are told once, with the first of them.
+/// What is told of several frames in the same words, but for numbers, is told of the first of them, with which others there are. What pixels of pictures show was
+/// asked for of each.
 fn joined(all: impl Iterator<Item = Told>) -> Vec<Told> {
     let words = |text: &str| text.replace(|c: char| c.is_ascii_digit() || ".,-[]e".contains(c), "");
-    let mut told: Vec<Told> = Vec::new();
+    let mut told: Vec<(Told, Vec<String>)> = Vec::new();
     for next in all {
-        let is_like = |told: &&mut Told| told.about == next.about && words(&told.text) == words(&next.text);
-        match told.iter_mut().find(|told| !next.frame.is_empty() && is_like(told)) {
-            Some(first) => first.frame += &next.frame,
-            None => told.push(next),
+        let is_one = |told: &Told| told.warns && !told.frame.is_empty();
+        let is_like = |told: &&mut (Told, Vec<String>)| {
+            let told = &told.0;
+            is_one(told)
+                && is_one(&next)
+                && told.about == next.about
+                && words(&told.text) == words(&next.text)
+        };
+        match told.iter_mut().find(is_like) {
+            Some((_, others)) => others.push(next.frame[2..].to_owned()),
+            None => told.push((next, Vec::new())),
         }
     }
-    told
+    let with_others = |(mut told, others): (Told, Vec<String>)| {
+        if !others.is_empty() {
+            let _ = write!(told.text, "; alike, with other numbers: {}", others.join(", "));
+        }
+        told
+    };
+    told.into_iter().map(with_others).collect()
 }
 
 /// A lattice that lies further from the surface as cut than a voxel's diagonal and this share of a part's radius is noted.
@@ -478,11 +494,14 @@ fn coarse(
     else {
         return Ok(None);
     };
+    if cut.area_mm2 <= 0.0 {
+        return Ok(None);
+    }
     let diagonal = scan.spacing.iter().map(|length| length * length).sum::<f64>().sqrt();
     // That of a ball.
     let radius = 3.0 * cut.volume_mm3.abs() / cut.area_mm2;
     let text = format!(
-        "the lattice lies up to {} mm from the surface as cut, which is much for a part of about {} mm radius (three times its volume over its area); a lower refine.level, \
+        "the lattice lies up to {} mm from the surface as cut, which is much for what it wraps: three times the volume over the area, the radius of a ball, is {} mm; a lower refine.level, \
          or a refine.max_error, keeps its shape",
         number(seen),
         number(radius)
@@ -552,7 +571,13 @@ mod tests {
         };
         assert_eq!(frames(&[of("deform", ""), of("map", "")]), ["deform", "map"]);
         let series = [of("deform", ""), of("map", ""), of("map", "frame 0"), of("map", "frame 1")];
-        assert_eq!(frames(&series), ["deform", "map, last frame", "map, frame 0", "map, frame 1"]);
+        assert_eq!(frames(&series), ["deform", "map, last frame"]);
+        let texts = told(&series, None, None).unwrap();
+        assert_eq!(texts[1].text, "left behind; alike, with other numbers: frame 0, frame 1");
+        // What is said in other words is told of each.
+        let mut other = of("map", "frame 0");
+        other.remark = Some("squeezed by 0.3".to_owned());
+        assert_eq!(frames(&[of("map", ""), other]), ["map, last frame", "map, frame 0"]);
         let drawn = [of("render", "before"), of("render", "after"), of("render", "frame 0")];
         assert_eq!(frames(&drawn), ["render", "render, last frame", "render, frame 0"]);
     }

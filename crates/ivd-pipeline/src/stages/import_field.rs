@@ -31,10 +31,10 @@ slots! {
 pub struct ImportFieldFigures {
     /// Which way it leads: forward, from rest to deformed, or inverse.
     pub direction: String,
-    /// Voxels that move.
+    /// Voxels whose vector, of the way that it leads, isn't 0.
     #[schemars(extend("x-unit" = "voxels", "x-headline" = 1))]
     pub voxels_moved: u64,
-    /// Largest motion of a voxel.
+    /// Length of the longest of them.
     #[schemars(extend("x-unit" = "mm", "x-headline" = 2))]
     pub largest_mm: f64,
     /// Smallest proven lower bound of det ∇φ of the forward field, at most 1.
@@ -52,7 +52,7 @@ impl Stage for ImportField {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 2,
+            revision: 3,
             inputs: Onto::SLOTS,
             output: Some(Kind::Displacement),
             figures: schema_of::<ImportFieldFigures>,
@@ -112,7 +112,7 @@ impl Stage for ImportField {
         let figures = ImportFieldFigures {
             direction: direction.name().to_owned(),
             voxels_moved: moving.count() as u64,
-            largest_mm: given.longest(),
+            largest_mm: exec.run(|| given.longest()),
             min_det_j: displacement.min_det_j(),
             folds: made.certificate.folded.len() as u64,
             inverse_residual_max_voxel: displacement.inverse_residual_max(),

@@ -115,8 +115,8 @@ pub(super) fn wants(slot: &str, picture: &RenderParams) -> Want {
     if slot == FRAMING && picture.fit == Fit::Volume { Want::No } else { Want::Yes }
 }
 
-/// The same of what knows classes. In a scene it goes by labels that a person chose, where one of them is what moves: what has none is clear, and a skin of an isovalue would be. By labels that
-/// values gave, the nearest voxel's would draw the grid's steps on every surface. Steps between values know none.
+/// The same for pictures in colours of classes. A scene's go by labels that a person chose, where one of these parts moves. They don't where a surface is one of values: it has no label, and would be clear.
+/// By labels that values gave, the nearest voxel's would draw the grid's steps on every surface. Steps between values know no labels.
 pub(super) fn wants_coloured(slot: &str, picture: &RenderParams) -> Want {
     match slot {
         LABELS if picture.classification == Classification::PreIntegrated => Want::No,
