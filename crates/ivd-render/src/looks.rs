@@ -66,8 +66,8 @@ impl ClassLooks {
         }
         let is_left_out = |class: &&u16| !self.show.is_empty() && !self.show.contains(class);
         if let Some(class) = self.opacity.keys().find(is_left_out) {
-            let problem = "and isn't one of show".to_owned();
-            return Err(ParamError::new(format!("opacity.{class}"), problem, "name it there, or drop it"));
+            let problem = format!("without class {class}, which has an opacity");
+            return Err(ParamError::new("show", problem, "name it there, or drop its opacity"));
         }
         match self.hide.iter().find(|class| self.opacity.contains_key(class)) {
             Some(class) => {
