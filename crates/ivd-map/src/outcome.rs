@@ -206,7 +206,8 @@ impl MapFigures {
             ));
         }
         if let Some(last) = told.last_mut() {
-            *last += "; what moves more evenly is followed more closely: move less, or widen the radius";
+            *last +=
+                "; what moves more evenly is followed more closely: move less; a wider radius may help, too";
         }
         told.extend((self.min_det_j < SQUEEZED).then(|| self.squeezed_told()));
         (!told.is_empty()).then(|| told.join("; "))

@@ -88,6 +88,36 @@ impl<T: Stored> Field<'_, T> {
         self.before(at, moves).and_then(|before| self.normal(at, before, moves))
     }
 
+    /// The label at a place that may have moved: that of the voxel nearest to where it was.
+    pub(crate) fn label_there(&self, at: [f32; 3]) -> Option<u16> {
+        let before = self.before(at, self.moves(self.space.brick(at)))?;
+        Some(self.ids[self.samples.shape.nearest(&self.samples.shape.place(before))])
+    }
+
+    /// World normal, at a place that may have moved, out of the part that has a label: by which of the voxels about it have that. `None` where all do.
+    pub(crate) fn part_normal_there(&self, at: [f32; 3], label: u16, moves: bool) -> Option<[f32; 3]> {
+        /// So many voxels to each side are looked at.
+        const REACH: usize = 2;
+        let before = self.before(at, moves)?;
+        let dims = self.samples.shape.dims;
+        // Beyond the volume its outermost voxels go on.
+        let near = |a: usize, i: usize| {
+            (before[a].round().max(0.0) as usize + i).saturating_sub(REACH).min(dims[a] - 1)
+        };
+        let mut rise = [0.0; 3];
+        for i in 0..(2 * REACH + 1).pow(3) {
+            let step =
+                [i % (2 * REACH + 1), i / (2 * REACH + 1) % (2 * REACH + 1), i / (2 * REACH + 1).pow(2)];
+            let [x, y, z] = [0, 1, 2].map(|a| near(a, step[a]));
+            if self.ids[x + dims[0] * (y + dims[1] * z)] == label {
+                for (rise, step) in rise.iter_mut().zip(step) {
+                    *rise += step as f32 - REACH as f32;
+                }
+            }
+        }
+        self.normal_of(rise, at, before, moves)
+    }
+
     /// A colour under the lamp, at a place that may have moved.
     #[inline(never)]
     pub(crate) fn lit_before(&self, entry: [f32; 4], at: [f32; 3], moves: bool) -> [f32; 4] {

@@ -1,6 +1,6 @@
 //! How far what is seen has come out of its surface, or gone into it.
 
-use ivd_core::{Exec, Image, VoxelCoord};
+use ivd_core::{Exec, Image, NO_DATA, VoxelCoord};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -8,8 +8,10 @@ use super::Prepared;
 use super::cast::with_fast;
 use crate::annotate::{self, Bar};
 use crate::camera::{Camera, Ray};
+use crate::cast::Field;
 use crate::pick::HALF;
 use crate::picture;
+use crate::samples::Stored;
 use crate::scale::{BLUE_TO_RED, colour_at, rounded_up};
 use crate::wide::Pairs;
 use crate::{Error, RenderParams, View};
@@ -38,7 +40,7 @@ pub struct Moved {
 
 impl Prepared<'_> {
     /// The pictures of a turntable that begins with a view, or the one picture of it, as [`Moved`] says: of each pixel's place, where a pick finds it, how far it has moved
-    /// along the normal there that faces the eye. All have one scale.
+    /// along the normal there that faces the eye; of a labelled part where the ray enters it, along the normal of the part. All have one scale.
     ///
     /// # Errors
     /// As [`crate::render`]; a mode that shows no surface: all but dvr and iso.
@@ -83,17 +85,23 @@ impl Prepared<'_> {
         let world = |at: [f32; 3]| grid.world(VoxelCoord(Vector3::from(at).map(f64::from))).0;
         let of_ray = |ray: &Ray| {
             let seen = self.seen(&field, ray, HALF)?;
-            let moves = field.moves(field.space.brick(seen.place));
+            let part = front_of_part(&field, ray, seen.sample);
+            let (sample, shown) = part.map_or((seen.sample, seen.place), |(at, _)| (at, at));
+            let moves = field.moves(field.space.brick(shown));
             if !moves {
                 return Some(0.0);
             }
-            let place = world(seen.place);
+            let place = world(shown);
             // What is cut away has no side that could come out.
             if camera.cut_before(place).is_some() {
                 return None;
             }
-            let by = place - world(field.before(seen.place, moves)?);
-            let normal = Vector3::from(field.normal_there(seen.sample, moves)?).map(f64::from);
+            let by = place - world(field.before(shown, moves)?);
+            if let Some(normal) = part.and_then(|(at, label)| field.part_normal_there(at, label, moves)) {
+                // Out of the part.
+                return Some(Vector3::from(normal).map(f64::from).dot(&by) as f32);
+            }
+            let normal = Vector3::from(field.normal_there(sample, moves)?).map(f64::from);
             // What is seen faces the eye, whichever way its values go.
             let along = normal.dot(&by);
             Some(if normal.dot(&camera.sight(place)) < 0.0 { -along } else { along } as f32)
@@ -138,6 +146,19 @@ impl Prepared<'_> {
         }
         (bounds[0] < bounds[1] && bounds[2] < bounds[3]).then_some(bounds)
     }
+}
+
+/// Where a ray enters the part that it shows at a sample, with the part's label: a part may have the values of what surrounds it, and be seen into, while what comes out or goes in is its surface.
+/// `None` without labels, and of what has none.
+fn front_of_part<T: Stored>(field: &Field<'_, T>, ray: &Ray, sample: [f32; 3]) -> Option<([f32; 3], u16)> {
+    if field.ids.is_empty() {
+        return None;
+    }
+    let label = field.label_there(sample).filter(|label| *label != NO_DATA)?;
+    let along = (0..3).max_by(|a, b| ray.delta[*a].abs().total_cmp(&ray.delta[*b].abs()))?;
+    let number = ((sample[along] - ray.start[along]) / ray.delta[along]).round().max(0.0) as usize;
+    let first = (0..number).rev().find(|i| field.label_there(ray.at(*i)) != Some(label));
+    Some((ray.at(first.map_or(0, |before| before + 1)), label))
 }
 
 /// A pixel in grey, with the colour of a share of the scale, −1…1, over it.

@@ -155,7 +155,7 @@ impl<'a> From<Plain<'a>> for Scene<'a> {
 pub(super) const CLOSE: &[&str] = &[Casting::NAME];
 
 /// Raised for all modes together: what they share is most of them.
-pub(super) const REVISION: u32 = 4;
+pub(super) const REVISION: u32 = 5;
 
 /// A mode without a transfer function: the picture that its parameters ask for, what it casts its rays by, and the job beside it.
 macro_rules! plain {

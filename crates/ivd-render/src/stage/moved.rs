@@ -13,7 +13,7 @@ use crate::prepared::LEAST_MOVED;
 use crate::{ClassLooks, Classification, Mode, Prepared, RenderParams, Scene};
 
 /// What is seen in greys, red where it has come out of its surface and blue where it has gone in, with a bar in mm: the motion of what modes dvr and iso show, along the
-/// normal that faces the eye. Ambient occlusion and shadows are left out; the bar is drawn whatever `annotate` says.
+/// normal that faces the eye; of parts by labels that of their surface. Ambient occlusion and shadows are left out; the bar is drawn whatever `annotate` says.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct MovedParams {

@@ -1,6 +1,6 @@
 //! How far what is seen has come out of its surface.
 
-use ivd_core::{Exec, Grid, Image, TransferFunction, Volume, VoxelIndex, Voxels};
+use ivd_core::{Exec, Grid, Image, Labels, TransferFunction, Volume, VoxelIndex, Voxels};
 use ivd_render::{Clip, Fit, Mode, Moved, Prepared, Projection, RenderParams, Scene, View};
 use nalgebra::Vector3;
 
@@ -44,6 +44,50 @@ fn moved_by(
     let carried = displacement(volume.grid(), |at| ((at - centre).norm() < 25.0).then_some(-by));
     let scene = Scene { displacement: Some(&carried), ..scene };
     Prepared::new(&scene, params, &Exec::default()).unwrap().draw_moved(view, &Exec::default()).unwrap()
+}
+
+#[test]
+fn a_labelled_part_comes_out_of_its_own_surface_whatever_its_values_are() {
+    let (ball, centre) = ball();
+    let grid = ball.grid().clone();
+    // Values tell nothing of it, and it is seen into.
+    let mut state = 1_u32;
+    let noise: Vec<f32> = (0..grid.len())
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as f32
+        })
+        .collect();
+    let volume = Volume::new(grid.clone(), Voxels::from(noise)).unwrap();
+    let inside = |i: usize| (grid.world(grid.index(i).into()).0 - centre).norm() < 16.0;
+    let ids: Vec<u16> = (0..grid.len()).map(|i| u16::from(inside(i))).collect();
+    let labels = Labels::new(grid.clone(), ids.into(), vec![]).unwrap();
+    let table = vec![[0.8, 0.6, 0.5, 0.06]; 2];
+    let transfer = TransferFunction::new([0.0, 255.0], 2, 1.0, vec![0], table, vec![]).unwrap();
+    let params = RenderParams { mode: Mode::Dvr, ..params(View::FRONT) };
+    let scene = Scene { transfer: Some(&transfer), labels: Some(&labels), ..Scene::new(&volume) };
+    let right = Vector3::from(
+        Prepared::new(&scene, &params, &Exec::default()).unwrap().lens(View::FRONT).unwrap().axes()[0],
+    );
+    let carried = displacement(&grid, |at| ((at - centre).norm() < 25.0).then_some(-right * FAR));
+    let scene = Scene { displacement: Some(&carried), ..scene };
+    let moved = Prepared::new(&scene, &params, &Exec::default())
+        .unwrap()
+        .draw_moved(View::FRONT, &Exec::default())
+        .unwrap();
+    // It goes to the right: there it comes out, on the left it goes in.
+    let (mut right, mut wrong) = (0, 0);
+    for y in 35..65 {
+        for x in (0..50).chain(70..SIZE[0]) {
+            let [red, _, blue] = pixel(&moved.image, x, y);
+            if (red - blue).abs() > 30 {
+                right += usize::from((red > blue) == (x > 60));
+                wrong += usize::from((red > blue) != (x > 60));
+            }
+        }
+    }
+    assert!(right > 200 && wrong == 0, "{right} right, {wrong} wrong");
+    assert!(moved.out_mm > 0.85 * FAR && moved.in_mm > 0.85 * FAR, "{} {}", moved.out_mm, moved.in_mm);
 }
 
 fn pixel(image: &Image, x: usize, y: usize) -> [i32; 3] {
