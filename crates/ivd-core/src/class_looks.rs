@@ -54,17 +54,11 @@ struct Changed<'a> {
     after: Vector4<f64>,
     /// Its colour, where that changes or nothing was seen of it.
     rgb: Option<[f32; 3]>,
-    /// Whether it is told to be gone.
-    is_hidden: bool,
 }
 
 impl Changed<'_> {
     /// A straight sample of a voxel that is known to be of the class.
     fn changed_voxel(&self, [r, g, b, alpha]: [f32; 4]) -> [f32; 4] {
-        // A background class was clear itself, and its voxels may have shown something of those beside them.
-        if self.is_hidden {
-            return [0.0; 4];
-        }
         if self.before == self.after {
             return [r, g, b, alpha];
         }
@@ -88,7 +82,7 @@ impl TransferFunction {
     ///
     /// Where values tell all classes apart, a class of opacity 0 is gone: what lies beside it keeps its share alone; one that was background is seen
     /// where its window says and nothing else is. Where labels are needed to tell them apart, so it is in row 0, and the row of a label changes
-    /// with its own class alone: all of it has that class's colour, and an opacity in proportion.
+    /// with its own class alone: all of it has that class's colour, and an opacity in proportion; with an opacity of 0 it is clear, whatever the class is.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a table by value and gradient, whose samples don't tell classes apart, and for looks that leave 0…1.
@@ -109,7 +103,6 @@ impl TransferFunction {
                 before: premultiplied(entry.rgb, entry.opacity),
                 after: premultiplied(after.rgb, after.opacity),
                 rgb: (entry.rgb != after.rgb || entry.opacity <= 0.0).then_some(after.rgb),
-                is_hidden: looks.get(&entry.class).is_some_and(|look| look.opacity == Some(0.0)),
             })
             .collect();
         let [low, high] = self.range();
@@ -123,6 +116,9 @@ impl TransferFunction {
         for (row, label) in of_labels.chunks_exact_mut(samples).zip(&self.classes()[1..]) {
             if !by_label {
                 row.copy_from_slice(of_values);
+            } else if looks.get(label).is_some_and(|look| look.opacity == Some(0.0)) {
+                // Voxels of a background, or between two classes, show something of those beside them.
+                row.fill([0.0; 4]);
             } else if let Some(class) = classes.iter().find(|class| class.entry.class == *label) {
                 for sample in row {
                     *sample = class.changed_voxel(*sample);
@@ -336,8 +332,15 @@ mod tests {
         let beside = TransferFunction::new([0.0, 40.0], 41, 1.0, vec![0, 1, 2, 3], table, entries).unwrap();
         assert!(beside.table()[123..].iter().any(|sample| sample[3] > 0.0));
         let look = ClassLook { rgb: None, opacity: Some(0.0) };
-        let gone = beside.with_class_looks(&[(3, look)].into()).unwrap();
-        assert!(gone.table()[123..].iter().all(|sample| *sample == [0.0; 4]));
-        assert_eq!(gone.table()[..123], before.table()[..]);
+        let between = beside.entries().iter().cloned().map(|entry| match entry.role {
+            ClassRole::Background => TransferEntry { role: ClassRole::Transition, ..entry },
+            _ => entry,
+        });
+        let between = beside.clone().with_looks(beside.table().to_vec(), between.collect()).unwrap();
+        for transfer in [beside, between] {
+            let gone = transfer.with_class_looks(&[(3, look)].into()).unwrap();
+            assert!(gone.table()[123..].iter().all(|sample| *sample == [0.0; 4]));
+            assert_eq!(gone.table()[..123], before.table()[..]);
+        }
     }
 }
