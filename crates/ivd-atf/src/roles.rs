@@ -43,11 +43,10 @@ pub fn soft_tissue_window(volume: &Volume) -> Option<[f64; 2]> {
     if !is_computed_tomography(volume, ValueScale::Auto) {
         return None;
     }
-    let len = volume.grid().len();
-    let all = (0..len).step_by((len / LOOKED_AT).max(1)).map(|i| volume.real(volume.voxels().get(i)));
+    let [low, high] = SOFT_TISSUE;
     let (mut soft, mut count) = (0_usize, 0_usize);
-    for value in all.filter(|value| value.is_finite()) {
-        soft += usize::from((SOFT_TISSUE[0]..SOFT_TISSUE[1]).contains(&value));
+    for value in volume.sampled(LOOKED_AT) {
+        soft += usize::from((low..high).contains(&value));
         count += 1;
     }
     (soft as f64 >= SOFT * count as f64).then_some(SOFT_TISSUE)

@@ -34,6 +34,13 @@ fn states(told: &Value, stage: &str) -> Vec<(String, String)> {
     all.map(|record| (text(&record["variant"]), text(&record["state"]))).collect()
 }
 
+/// The artefact that a stage made.
+fn made_by(told: &Value, stage: &str) -> String {
+    let of = |record: &&Value| record["stage"] == stage && record["output"]["path"].is_string();
+    let record = told["stages"].as_array().unwrap().iter().find(of).unwrap();
+    record["output"]["path"].as_str().unwrap().to_owned()
+}
+
 #[test]
 fn labels_of_a_file_stand_in_for_a_segmentation_and_go_along_with_the_scan() {
     let folder = tempfile::tempdir().unwrap();
@@ -44,14 +51,7 @@ fn labels_of_a_file_stand_in_for_a_segmentation_and_go_along_with_the_scan() {
     assert_eq!(states(&told, "segment"), [(String::new(), "not_needed".to_owned())], "{told}");
     let why = told["stages"].as_array().unwrap().iter().find(|record| record["stage"] == "segment").unwrap();
     assert_eq!(why["why"], "input.labels gives the labels");
-    let made = |stage: &str, variant: &str| {
-        let all = told["stages"].as_array().unwrap();
-        let is = |record: &&Value| {
-            record["stage"] == stage && record["variant"].as_str().unwrap_or_default() == variant
-        };
-        all.iter().find(is).unwrap()["output"]["path"].as_str().unwrap().to_owned()
-    };
-    let displacement = made("map", "");
+    let displacement = made_by(&told, "map");
     json(at, &["import", "organs.nii.gz", "--labels", "--like", "v.ivd", "-o", "organs.ivd"]);
     json(at, &["boundary", "v.ivd", "--labels", "organs.ivd", "--class", "3", "-o", "part.ivd"]);
     let bytes = |file: &str| std::fs::read(at.join(file)).unwrap();
@@ -87,14 +87,9 @@ fn pictures_go_by_labels_that_a_person_chose_where_one_of_them_moves() {
         let scene = SCENE.replace("organs.nii.gz", "inner.nrrd").replace("[boundary]\nclass = 3\n", iso);
         write(at, &format!("{scene}[render]\nsize = [96, 96]\nfit = \"volume\"\n{render}{outputs}"));
         let told = run(at);
-        let made = |stage: &str| {
-            let all = told["stages"].as_array().unwrap();
-            let of = |record: &&Value| record["stage"] == stage && record["output"]["path"].is_string();
-            all.iter().rfind(of).unwrap()["output"]["path"].as_str().unwrap().to_owned()
-        };
         let pictures =
             ["before", "after"].map(|name| std::fs::read(at.join(format!("out/{name}.png"))).unwrap());
-        (pictures, made("atf"), made("map"))
+        (pictures, made_by(&told, "atf"), made_by(&told, "map"))
     };
     let by_hand = |transfer: &str, more: &[&str]| {
         let said =

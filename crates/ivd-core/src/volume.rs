@@ -215,6 +215,13 @@ impl Volume {
         self.real(self.voxels().get(self.grid.linear(index)))
     }
 
+    /// Real values of about so many voxels, evenly chosen in memory; those without data are left out.
+    pub fn sampled(&self, about: usize) -> impl Iterator<Item = f64> {
+        let len = self.grid.len();
+        let chosen = (0..len).step_by((len / about.max(1)).max(1));
+        chosen.map(|i| self.real(self.voxels().get(i))).filter(|value| value.is_finite())
+    }
+
     /// Min–max of the stored values by brick; computed at the first call, on the calling rayon pool.
     pub fn bricks(&self) -> &BrickIndex {
         self.bricks.get_or_init(|| BrickIndex::build(&self.grid, self.voxels()))

@@ -27,13 +27,7 @@ impl Window {
         if let Some([low, high]) = soft_tissue_window(volume) {
             return Self { low, high };
         }
-        let len = volume.grid().len();
-        let step = (len / LOOKED_AT).max(1);
-        let mut values: Vec<f64> = (0..len)
-            .step_by(step)
-            .map(|i| volume.real(volume.voxels().get(i)))
-            .filter(|value| value.is_finite())
-            .collect();
+        let mut values: Vec<f64> = volume.sampled(LOOKED_AT).collect();
         values.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
             let last = values.len().saturating_sub(1) as f64;

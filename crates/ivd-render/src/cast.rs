@@ -96,8 +96,10 @@ impl<T: Stored> Field<'_, T> {
 
     /// World normal, at a place that may have moved, out of the part that has a label: by which of the voxels about it have that. `None` where all do.
     pub(crate) fn part_normal_there(&self, at: [f32; 3], label: u16, moves: bool) -> Option<[f32; 3]> {
-        /// So many voxels to each side are looked at.
+        /// So many voxels to each side are looked at, ...
         const REACH: usize = 2;
+        /// ... so many along each axis.
+        const SIDE: usize = 2 * REACH + 1;
         let before = self.before(at, moves)?;
         let dims = self.samples.shape.dims;
         // Beyond the volume its outermost voxels go on.
@@ -105,9 +107,8 @@ impl<T: Stored> Field<'_, T> {
             (before[a].round().max(0.0) as usize + i).saturating_sub(REACH).min(dims[a] - 1)
         };
         let mut rise = [0.0; 3];
-        for i in 0..(2 * REACH + 1).pow(3) {
-            let step =
-                [i % (2 * REACH + 1), i / (2 * REACH + 1) % (2 * REACH + 1), i / (2 * REACH + 1).pow(2)];
+        for i in 0..SIDE.pow(3) {
+            let step = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)];
             let [x, y, z] = [0, 1, 2].map(|a| near(a, step[a]));
             if self.ids[x + dims[0] * (y + dims[1] * z)] == label {
                 for (rise, step) in rise.iter_mut().zip(step) {

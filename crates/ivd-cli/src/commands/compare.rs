@@ -46,7 +46,8 @@ pub(super) fn run(a: &Path, b: &Path, labels: bool, context: &Context) -> anyhow
     error["equal"] = json!(first.hash == second.hash);
     if first.hash != second.hash {
         let differing = differing(&first.artefact, &second.artefact);
-        let apart = apart_mm(&first.artefact, &second.artefact);
+        let grids = grid_of(&first.artefact).zip(grid_of(&second.artefact));
+        let apart = grids.map(|(here, there)| apart_mm(here, there));
         if !differing.is_empty() {
             let by = apart.filter(|mm| *mm > 0.0).map_or_else(String::new, |mm| {
                 format!("; their voxels lie apart by {mm:.1e} mm at most, which counts as the same place")
@@ -118,8 +119,8 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
         ],
         _ => Vec::new(),
     };
-    let is_apart = !differ_by_digits(a, b);
     let places = grid_of(a).zip(grid_of(b)).map(|(here, there)| {
+        let is_apart = !differ_by_digits(here, there);
         let (spacing, origin, axes) = (
             here.spacing() != there.spacing(),
             here.origin() != there.origin(),
@@ -138,24 +139,22 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
 }
 
 /// Whether two grids differ by no more than the last digits of their numbers, which move no voxel.
-fn differ_by_digits(a: &Artefact, b: &Artefact) -> bool {
-    let Some((here, there)) = grid_of(a).zip(grid_of(b)) else { return false };
+fn differ_by_digits(here: &Grid, there: &Grid) -> bool {
     let are_near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * a.abs().max(1.0);
     let spacing = here.spacing().into_iter().zip(there.spacing());
     let axes = here.direction().into_iter().flatten().zip(there.direction().into_iter().flatten());
-    apart_mm(a, b) == Some(0.0) && spacing.chain(axes).all(|(a, b)| are_near(a, b))
+    apart_mm(here, there) == 0.0 && spacing.chain(axes).all(|(a, b)| are_near(a, b))
 }
 
 /// How far the voxels of one lie from those of the other at most (mm), where their grids count as one.
-fn apart_mm(a: &Artefact, b: &Artefact) -> Option<f64> {
-    let (here, there) = grid_of(a).zip(grid_of(b))?;
+fn apart_mm(here: &Grid, there: &Grid) -> f64 {
     let corner = |grid: &Grid, corner: usize| {
         let last = grid.dims().map(|n| n as f64 - 1.0);
         let voxel = [0, 1, 2].map(|a| if corner >> a & 1 == 1 { last[a] } else { 0.0 });
         grid.world(VoxelCoord(voxel.into())).0
     };
     // Both are affine in the voxel: what lies apart most is a corner.
-    Some((0..8).map(|at| (corner(here, at) - corner(there, at)).norm()).fold(0.0, f64::max))
+    (0..8).map(|at| (corner(here, at) - corner(there, at)).norm()).fold(0.0, f64::max)
 }
 
 fn grid_of(artefact: &Artefact) -> Option<&Grid> {

@@ -14,6 +14,11 @@ pub(crate) fn loaded(text: &str) -> Loaded {
 pub(crate) fn model(text: &str) -> Model {
     let exec = Exec::default();
     let subject = Subject::open(&loaded(text), false, &Cache::disabled(), &exec, &Tell::default()).unwrap();
+    patient(subject, exec)
+}
+
+/// The same of what was opened.
+pub(crate) fn patient(subject: Subject, exec: Exec) -> Model {
     let mut model = Model::new(subject, [128, 128], exec).unwrap();
     model.wait(Patience::ENDLESS);
     model

@@ -2,10 +2,10 @@
 
 use ivd_artefact::Cache;
 use ivd_core::{Exec, Value as _, Volume};
-use ivd_frames::{Model, Patience, Subject, Tell};
+use ivd_frames::{Model, Subject, Tell};
 use ivd_pipeline::ExportOptions;
 
-use super::common::loaded;
+use super::common::{loaded, patient};
 
 /// What a scene shows of a volume, which it names `scan.nrrd`.
 pub(crate) fn model_of(volume: Volume, text: &str) -> Model {
@@ -16,7 +16,5 @@ pub(crate) fn model_of(volume: Volume, text: &str) -> Model {
     let mut loaded = loaded(text);
     folder.path().clone_into(&mut loaded.folder);
     let subject = Subject::open(&loaded, false, &Cache::disabled(), &exec, &Tell::default()).unwrap();
-    let mut model = Model::new(subject, [128, 128], exec).unwrap();
-    model.wait(Patience::ENDLESS);
-    model
+    patient(subject, exec)
 }

@@ -26,22 +26,16 @@ fn params(view: View) -> RenderParams {
 
 /// The ball, moved along a picture's right, up or towards the eye.
 fn moved(view: View, along: [f64; 3]) -> Moved {
-    moved_by(&ball().0, None, &params(view), along)
+    moved_by(Scene::new(&ball().0), &params(view), along)
 }
 
 /// The same of any volume of the ball, seen by any means.
-fn moved_by(
-    volume: &Volume,
-    transfer: Option<&TransferFunction>,
-    params: &RenderParams,
-    along: [f64; 3],
-) -> Moved {
+fn moved_by(scene: Scene<'_>, params: &RenderParams, along: [f64; 3]) -> Moved {
     let (centre, view) = (ball().1, params.view);
-    let scene = Scene { transfer, ..Scene::new(volume) };
     let still = Prepared::new(&scene, params, &Exec::default()).unwrap();
     let axes = still.lens(view).unwrap().axes().map(Vector3::from);
     let by = axes[0] * along[0] + axes[1] * along[1] + axes[2] * along[2];
-    let carried = displacement(volume.grid(), |at| ((at - centre).norm() < 25.0).then_some(-by));
+    let carried = displacement(scene.volume.grid(), |at| ((at - centre).norm() < 25.0).then_some(-by));
     let scene = Scene { displacement: Some(&carried), ..scene };
     Prepared::new(&scene, params, &Exec::default()).unwrap().draw_moved(view, &Exec::default()).unwrap()
 }
@@ -66,15 +60,7 @@ fn a_labelled_part_comes_out_of_its_own_surface_whatever_its_values_are() {
     let transfer = TransferFunction::new([0.0, 255.0], 2, 1.0, vec![0], table, vec![]).unwrap();
     let params = RenderParams { mode: Mode::Dvr, ..params(View::FRONT) };
     let scene = Scene { transfer: Some(&transfer), labels: Some(&labels), ..Scene::new(&volume) };
-    let right = Vector3::from(
-        Prepared::new(&scene, &params, &Exec::default()).unwrap().lens(View::FRONT).unwrap().axes()[0],
-    );
-    let carried = displacement(&grid, |at| ((at - centre).norm() < 25.0).then_some(-right * FAR));
-    let scene = Scene { displacement: Some(&carried), ..scene };
-    let moved = Prepared::new(&scene, &params, &Exec::default())
-        .unwrap()
-        .draw_moved(View::FRONT, &Exec::default())
-        .unwrap();
+    let moved = moved_by(scene, &params, [FAR, 0.0, 0.0]);
     // It goes to the right: there it comes out, on the left it goes in.
     let (mut right, mut wrong) = (0, 0);
     for y in 35..65 {
@@ -143,7 +129,11 @@ fn of_what_is_seen_through_it_is_the_half_way_place_that_counts() {
         let view = View { angles, ..View::FRONT };
         let seen = RenderParams { mode: Mode::Dvr, ..params(view) };
         for sign in [1.0, -1.0] {
-            let found = moved_by(&ball().0, Some(&transfer), &seen, [0.0, 0.0, sign * FAR]);
+            let found = moved_by(
+                Scene { transfer: Some(&transfer), ..Scene::new(&ball().0) },
+                &seen,
+                [0.0, 0.0, sign * FAR],
+            );
             let [most, least] =
                 if sign > 0.0 { [found.out_mm, found.in_mm] } else { [found.in_mm, found.out_mm] };
             assert!((most - FAR).abs() < 0.02 && least < 0.1, "{angles:?} {sign}: {most} and {least}");
@@ -157,7 +147,7 @@ fn of_what_is_seen_through_it_is_the_half_way_place_that_counts() {
 fn the_pictures_of_a_turntable_have_one_scale() {
     // Towards the eye at first, away from it when it is seen from behind.
     let turning = RenderParams { turntable: 4, ..params(View::FRONT) };
-    let found = moved_by(&ball().0, None, &turning, [0.0, 0.0, FAR]);
+    let found = moved_by(Scene::new(&ball().0), &turning, [0.0, 0.0, FAR]);
     assert_eq!((found.image.frames(), found.scale_mm), (4, 2.0));
     assert!((found.out_mm - FAR).abs() < 0.01 && (found.in_mm - FAR).abs() < 0.01, "{found:?}");
     for (frame, sign) in [(0, 1), (2, -1)] {
@@ -178,7 +168,7 @@ fn faces_of_cuts_and_places_without_data_have_no_colour() {
     let towards = Prepared::new(&Scene::new(&volume), &params(View::FRONT), &Exec::default()).unwrap();
     let towards = Vector3::from(towards.lens(View::FRONT).unwrap().axes()[2]);
     let clip = vec![Clip::plane(centre.into(), (-towards).into())];
-    let cut = moved_by(&volume, None, &RenderParams { clip, ..params(View::FRONT) }, [0.0, 0.0, FAR]);
+    let cut = moved_by(Scene::new(&volume), &RenderParams { clip, ..params(View::FRONT) }, [0.0, 0.0, FAR]);
     assert!(is_grey(&cut.image, middle), "{:?}", pixel(&cut.image, middle[0], middle[1]));
     // Its side towards the eye is missing: the rest of its surface, if it is seen at all, is told as it is.
     let Voxels::F32(values) = volume.voxels() else { unreachable!("made so") };
@@ -189,7 +179,7 @@ fn faces_of_cuts_and_places_without_data_have_no_colour() {
         }
     }
     let holed = Volume::new(volume.grid().clone(), values.into()).unwrap();
-    let holed = moved_by(&holed, None, &params(View::FRONT), [0.0, 0.0, FAR]);
+    let holed = moved_by(Scene::new(&holed), &params(View::FRONT), [0.0, 0.0, FAR]);
     assert!(holed.out_mm <= FAR + 0.01 && holed.in_mm < 0.1, "{} and {}", holed.out_mm, holed.in_mm);
     assert!(is_grey(&holed.image, middle), "{:?}", pixel(&holed.image, middle[0], middle[1]));
 }
