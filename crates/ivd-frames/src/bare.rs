@@ -10,11 +10,11 @@ pub(crate) fn says(scene: &Scene, stage: &Stage, key: &str) -> bool {
     scene.section(stage).and_then(|section| section.written()).is_some_and(|keys| keys.contains_key(key))
 }
 
-/// Whether a scene leaves open which part of the scan is deformed.
+/// Whether a scene leaves open which part of the scan is deformed. Labels that a person gives are of parts.
 pub(crate) fn leaves_part_open(scene: &Scene) -> bool {
     let is_chosen =
         ["method", "class", "seed", "above"].iter().any(|key| says(scene, &ivd_boundary::STAGE, key));
-    !is_chosen && !says(scene, &ivd_lattice::extract::STAGE, "iso")
+    !is_chosen && !says(scene, &ivd_lattice::extract::STAGE, "iso") && scene.input.labels.is_none()
 }
 
 /// The value from which on there is no background, and below which no material; `None` where values don't tell them apart.

@@ -1,6 +1,6 @@
 //! Where places lie in the panes, and what panes show where.
 
-use ivd_core::{Exec, Grid, Image, TransferFunction, Volume, VoxelCoord};
+use ivd_core::{Exec, Grid, Image, Labels, TransferFunction, Volume, VoxelCoord};
 use ivd_render::{Clip, Fit, Lens, Prepared, RenderParams, Scene, View};
 use nalgebra::Vector3;
 
@@ -17,6 +17,17 @@ const FRONT: f32 = 0.1;
 pub(crate) struct Seen<'a> {
     pub(crate) volume: &'a Volume,
     pub(crate) transfer: Option<&'a TransferFunction>,
+    /// By which it is coloured, where a person's labels are; else by its values alone.
+    pub(crate) labels: Option<&'a Labels>,
+    /// Whether what those leave out is seen as well.
+    pub(crate) unlabelled: bool,
+}
+
+impl<'a> Seen<'a> {
+    fn scene(self) -> Scene<'a> {
+        let Self { volume, transfer, labels, unlabelled } = self;
+        Scene { transfer, labels, unlabelled, ..Scene::new(volume) }
+    }
 }
 
 /// What of a picture is looked for.
@@ -55,13 +66,12 @@ pub(crate) struct Across {
 impl Panes {
     /// The slices meet in the middle.
     pub(crate) fn new(
-        volume: &Volume,
-        transfer: Option<&TransferFunction>,
+        seen: Seen<'_>,
         picture: &RenderParams,
         size: [usize; 2],
         exec: &Exec,
     ) -> Result<Self, Error> {
-        let grid = volume.grid();
+        let grid = seen.volume.grid();
         let picture = RenderParams { annotate: false, picks: Vec::new(), size, ..picture.clone() };
         let mut panes = Self {
             planes: Planes::new(grid),
@@ -74,16 +84,16 @@ impl Panes {
         };
         // What fits at first stays so: a camera that follows what is seen would move while that is deformed.
         let views = [panes.first, panes.whole];
-        let prepared = panes.prepared(volume, transfer, size, false, exec)?;
-        let seen = [prepared.lens(views[0])?, prepared.lens(views[1])?];
+        let prepared = panes.prepared(seen, size, false, exec)?;
+        let lenses = [prepared.lens(views[0])?, prepared.lens(views[1])?];
         drop(prepared);
         panes.picture.fit = Fit::Volume;
-        let by_volume = |view: View, seen: &Lens| {
+        let by_volume = |view: View, lens: &Lens| {
             let whole = panes.lens_of(grid, view)?;
-            let zoom = view.zoom * whole.pixel_at(whole.middle()) / seen.pixel_at(seen.middle());
-            Ok::<_, Error>(View { target: Some(seen.middle()), zoom, ..view })
+            let zoom = view.zoom * whole.pixel_at(whole.middle()) / lens.pixel_at(lens.middle());
+            Ok::<_, Error>(View { target: Some(lens.middle()), zoom, ..view })
         };
-        let [first, whole] = [by_volume(views[0], &seen[0])?, by_volume(views[1], &seen[1])?];
+        let [first, whole] = [by_volume(views[0], &lenses[0])?, by_volume(views[1], &lenses[1])?];
         (panes.first, panes.view, panes.whole) = (first, first, whole);
         Ok(panes)
     }
@@ -96,16 +106,15 @@ impl Panes {
     /// A scene that is ready to be drawn, in so many pixels.
     fn prepared<'a>(
         &self,
-        volume: &'a Volume,
-        transfer: Option<&'a TransferFunction>,
+        seen: Seen<'a>,
         size: [usize; 2],
         coarse: bool,
         exec: &Exec,
     ) -> Result<Prepared<'a>, Error> {
         let step = self.picture.step * if coarse && self.picture.step <= 2.0 { COARSE_STEP } else { 1.0 };
         let mut params = RenderParams { size, step, view: self.view, ..self.picture.clone() };
-        params.clip.extend(self.clip(volume.grid())?);
-        Ok(Prepared::new(&Scene { transfer, ..Scene::new(volume) }, &params, exec)?)
+        params.clip.extend(self.clip(seen.volume.grid())?);
+        Ok(Prepared::new(&seen.scene(), &params, exec)?)
     }
 
     /// What is left of the volume's picture where it is cut open: the side away from the viewer.
@@ -142,15 +151,9 @@ impl Panes {
     }
 
     /// The volume's picture; `coarser`: by how many its sides are divided.
-    pub(crate) fn draw(
-        &self,
-        volume: &Volume,
-        transfer: Option<&TransferFunction>,
-        coarser: usize,
-        exec: &Exec,
-    ) -> Result<Image, Error> {
+    pub(crate) fn draw(&self, seen: Seen<'_>, coarser: usize, exec: &Exec) -> Result<Image, Error> {
         let size = self.size.map(|n| (n / coarser).max(1));
-        let prepared = self.prepared(volume, transfer, size, coarser > 1, exec)?;
+        let prepared = self.prepared(seen, size, coarser > 1, exec)?;
         Ok(prepared.render(self.view, exec)?.image)
     }
 
@@ -201,7 +204,7 @@ impl Panes {
         seen: Seen<'_>,
         exec: &Exec,
     ) -> Result<Vec<Option<[f64; 3]>>, Error> {
-        let prepared = self.prepared(seen.volume, seen.transfer, self.size, false, exec)?;
+        let prepared = self.prepared(seen, self.size, false, exec)?;
         let look = |(at, depth): &([f64; 2], Depth)| {
             let pixel = [0, 1].map(|a| (at[a] * self.size[a] as f64).floor());
             if (0..2).any(|a| !(0.0..self.size[a] as f64).contains(&pixel[a])) {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use ivd_core::{Exec, NoObserver, TransferFunction, Volume, VoxelCoord};
+use ivd_core::{Exec, Labels, NoObserver, TransferFunction, Volume, VoxelCoord};
 use ivd_pipeline::scene::WindowSection;
 use ivd_render::{Lens, RenderParams};
 
@@ -65,13 +65,27 @@ pub struct VolumeAtRest {
 pub(crate) struct AtRest {
     pub(crate) volume: Volume,
     pub(crate) transfer: Option<TransferFunction>,
+    /// See [`Seen::labels`].
+    pub(crate) labels: Option<Labels>,
+    /// See [`Seen::unlabelled`].
+    pub(crate) unlabelled: bool,
     pub(crate) picture: RenderParams,
+}
+
+impl AtRest {
+    fn seen(&self) -> Seen<'_> {
+        Seen {
+            volume: &self.volume,
+            transfer: self.transfer.as_ref(),
+            labels: self.labels.as_ref(),
+            unlabelled: self.unlabelled,
+        }
+    }
 }
 
 /// A volume at rest, as hands turn it.
 struct Turned {
-    volume: Volume,
-    transfer: Option<TransferFunction>,
+    at_rest: AtRest,
     panes: Panes,
     lens: Lens,
     version: u64,
@@ -121,15 +135,14 @@ impl Preview {
     }
 
     /// The volume can be drawn.
-    pub(crate) fn show_volume(&mut self, seen: AtRest) -> Result<(), Error> {
-        let AtRest { volume, transfer, picture } = seen;
-        let size = self.size.unwrap_or(SIZE);
-        let mut panes = Panes::new(&volume, transfer.as_ref(), &picture, size, &self.exec)?;
+    pub(crate) fn show_volume(&mut self, at_rest: AtRest) -> Result<(), Error> {
+        let (size, grid) = (self.size.unwrap_or(SIZE), at_rest.volume.grid());
+        let mut panes = Panes::new(at_rest.seen(), &at_rest.picture, size, &self.exec)?;
         if let Some(sight) = self.sight {
-            panes.view = sight.view(panes.view, volume.grid());
+            panes.view = sight.view(panes.view, grid);
         }
-        let lens = panes.lens(volume.grid())?;
-        self.turned = Some(Turned { volume, transfer, panes, lens, version: 1 });
+        let lens = panes.lens(grid)?;
+        self.turned = Some(Turned { at_rest, panes, lens, version: 1 });
         Ok(())
     }
 
@@ -185,7 +198,7 @@ impl Preview {
                     _ => {}
                 }
                 if let Some(turned) = &mut self.turned {
-                    let grid = turned.volume.grid();
+                    let grid = turned.at_rest.volume.grid();
                     if turned.panes.turn(grid, &turned.lens, camera) {
                         turned.lens = turned.panes.lens(grid)?;
                         turned.version += 1;
@@ -206,8 +219,7 @@ impl Preview {
     fn look(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
         match &self.turned {
             Some(turned) if pane == Pane::Volume => {
-                let seen = Seen { volume: &turned.volume, transfer: turned.transfer.as_ref() };
-                turned.panes.look(pane, at, seen, &self.exec)
+                turned.panes.look(pane, at, turned.at_rest.seen(), &self.exec)
             }
             _ => Ok(self.planes.look(pane, at, self.volume.grid())),
         }
@@ -313,10 +325,10 @@ impl Turned {
             same.clone()
         } else {
             let coarser = if fine { 1 } else { COARSE };
-            let image = self.panes.draw(&self.volume, self.transfer.as_ref(), coarser, exec)?;
+            let image = self.panes.draw(self.at_rest.seen(), coarser, exec)?;
             Arc::new(Picture::new(Pane::Volume, self.version, coarser, image))
         };
-        let lettered = self.volume.grid().in_patient();
+        let lettered = self.at_rest.volume.grid().in_patient();
         Ok(VolumeAtRest {
             picture,
             size: self.panes.size,

@@ -1,9 +1,9 @@
 //! What is written to be kept, as the bytes of files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ivd_core::{Artefact, Exec, Value as _};
-use ivd_pipeline::scene::{Scene, parse};
+use ivd_pipeline::scene::{InputFiles, Scene, parse};
 use ivd_pipeline::{ExportOptions, export_with};
 
 use crate::{Error, Log, Model, Saved};
@@ -17,8 +17,12 @@ pub struct File {
     pub name: &'static str,
     /// What is in it.
     pub bytes: Vec<u8>,
+    /// Where the files lie that what is shown was read from, which isn't told in it.
+    from: InputFiles,
 }
 
+/// How a scene from a window begins.
+const MADE: &str = "# Made by hand in a window.";
 /// What the name of a scan may end in, in a scene that leaves the window: what it is called here stays untold.
 const ENDINGS: [&str; 13] =
     ["nii", "nii.gz", "nrrd", "nhdr", "mha", "mhd", "vti", "tif", "tiff", "raw", "dcm", "png", "ivd"];
@@ -54,12 +58,19 @@ impl Model {
                 written(name, &artefact, options, exec)?
             }
         };
-        Ok(File { what, name, bytes })
+        Ok(File { what, name, bytes, from: self.subject().files.clone() })
     }
 
     /// The first line of the log: the scene that it began with.
     pub(crate) fn log_head(&self) -> Result<String, Error> {
         Ok(Log::head(&told(self.subject().scene.clone())?))
+    }
+
+    /// The same for a log that stays on this machine: it says where the scene's files lie.
+    pub(crate) fn log_head_here(&self) -> Result<String, Error> {
+        let mut scene = self.subject().scene.clone();
+        scene.set_input_files(self.subject().files.clone());
+        Ok(Log::head(&scene.to_text()?))
     }
 
     /// The scene that `ivd pipeline` makes the same of as is shown.
@@ -75,28 +86,35 @@ impl Model {
 
 /// The text of a scene that leaves the window.
 fn told(mut scene: Scene) -> Result<String, Error> {
-    let mut head = String::from("# Made by hand in a window.");
-    if let Some(file) = &scene.input.file {
-        let ending = ivd_pipeline::ending(file);
-        // A folder's name may end in anything.
-        let name = if ENDINGS.contains(&&*ending) { format!("scan.{ending}") } else { "scan".to_owned() };
-        head += " Where the scan lies is told by --input, or here.";
-        scene.set_input(Path::new(&name));
+    let mut head = String::from(MADE);
+    if scene.input.file.is_some() {
+        head += " Where the scan lies is told by --input, or here, and where other files of its input lie is told here.";
+        let files = scene.input_files().renamed(|key, file| {
+            let (ending, name) = (ivd_pipeline::ending(file), if key == "file" { "scan" } else { key });
+            // A folder's name may end in anything.
+            if ENDINGS.contains(&&*ending) { format!("{name}.{ending}").into() } else { name.into() }
+        });
+        scene.set_input_files(InputFiles { series: None, ..files });
     }
     Ok(format!("{head}\n{}", scene.to_text()?))
 }
 
 impl File {
-    /// The same where it may say where the scan lies: a scene or a log with its path, from the folder that it is written into.
+    /// The same where it may say what the files are called that what is shown was read from: a scene or a log.
+    ///
+    /// - `name`: by what path a file is found from the folder that this is written into.
     ///
     /// # Errors
     /// Bytes that aren't those of a scene or a log.
-    pub fn naming(mut self, scan: &Path) -> Result<Self, Error> {
+    pub fn naming(mut self, name: impl Fn(&Path) -> PathBuf) -> Result<Self, Error> {
+        if self.from == InputFiles::default() {
+            return Ok(self);
+        }
         let wrong = |problem: String| Error::Io { what: "a file to be kept", problem };
         let named = |text: &str| {
             let mut scene = parse(text, &[]).map_err(wrong)?;
-            scene.set_input(scan);
-            Ok::<_, Error>(format!("# Made by hand in a window.\n{}", scene.to_text()?))
+            scene.set_input_files(self.from.clone().renamed(|_, file| name(file)));
+            Ok::<_, Error>(format!("{MADE}\n{}", scene.to_text()?))
         };
         let text = || String::from_utf8(self.bytes.clone()).map_err(|error| wrong(error.to_string()));
         self.bytes = match self.what {

@@ -13,7 +13,7 @@ use ivd_map::space::SpaceParams;
 use ivd_map::{BiharmonicParams, FemParams, OctreeParams};
 use ivd_motion::deform::{Asked, DynamicsMethod, ProjectiveMethod, RingMethod, XpbdMethod};
 use ivd_pipeline::plan::{NodeId, Plan};
-use ivd_pipeline::scene::{Loaded, OutputSection, Override, Picture, Scene, parse};
+use ivd_pipeline::scene::{InputFiles, Loaded, OutputSection, Override, Picture, Scene, parse};
 use ivd_pipeline::{PipelineOptions, Runner, StageResult, run_node};
 use ivd_render::{
     AttenuatedMipParams, ClipSpace, DvrParams, IsoParams, LmipParams, MeanParams, MinipParams, MipParams,
@@ -24,6 +24,7 @@ use serde_json::{Value as Json, json};
 
 use crate::bare::{above_background, leaves_part_open, says};
 use crate::model::{first_transfer, usual_radius};
+use crate::panes::Seen;
 use crate::preview::AtRest;
 use crate::{Error, Made, Tell};
 
@@ -40,17 +41,30 @@ const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 /// What isn't shown.
 const PLAIN: &str = "drawn without ambient occlusion and shadows, which the scene keeps";
 
+/// What tells in pictures what is to be seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShownBy {
+    /// The scan's values.
+    Values,
+    /// The labels that a person gave, one of whose parts moves.
+    Labels,
+}
+
 /// What a session begins with.
 #[derive(Debug)]
 pub struct Subject {
     /// The scene that it comes from.
     pub scene: Scene,
+    /// Where the files of its input lie.
+    pub files: InputFiles,
     /// The volume at rest.
     pub volume: Volume,
     /// The lattice as it was cut.
     pub lattice: Lattice,
     /// Classes, where something was found by them.
     pub labels: Option<Labels>,
+    /// What its pictures go by.
+    pub shown_by: ShownBy,
     /// How the scene wants classes drawn; `None` where its pictures aren't made by them.
     pub looks: Option<ivd_render::ClassLooks>,
     /// Colour and opacity, without those.
@@ -126,7 +140,7 @@ impl Subject {
         cut.scene.output = OutputSection {
             images: vec![Picture::Before],
             lattice_extracted: Some("extracted.ply".into()),
-            labels: by_class.then(|| "labels.nii.gz".into()),
+            labels: (by_class || cut.scene.input.labels.is_some()).then(|| "labels.nii.gz".into()),
             ..OutputSection::default()
         };
         run(&cut, &mut done, Runner { exec, cache, lazy: false }, tell)?;
@@ -189,9 +203,14 @@ impl Subject {
         let mut subject = Self {
             made: Made::of(&scene, part.as_ref(), is_body),
             scene,
+            files: loaded.scene.input_files().renamed(|_, file| {
+                let file = loaded.folder.join(file);
+                std::path::absolute(&file).unwrap_or(file)
+            }),
             volume,
             lattice,
             labels,
+            shown_by: shown_by(&cut)?,
             looks,
             transfer,
             // One picture at a time, and nothing kept beside it.
@@ -212,9 +231,27 @@ impl Subject {
         tell.at_rest(|| AtRest {
             volume: subject.volume.clone(),
             transfer,
+            labels: subject.drawn_labels().cloned(),
+            unlabelled: subject.draws_unlabelled(),
             picture: subject.picture.clone(),
         });
         Ok(subject)
+    }
+
+    /// The labels that pictures of it at rest go by.
+    pub(crate) fn drawn_labels(&self) -> Option<&Labels> {
+        self.labels.as_ref().filter(|_| self.shown_by == ShownBy::Labels)
+    }
+
+    /// Whether pictures show what its labels leave out.
+    pub(crate) fn draws_unlabelled(&self) -> bool {
+        self.looks.as_ref().is_some_and(|looks| looks.unlabelled)
+    }
+
+    /// It at rest, in colours.
+    pub(crate) fn seen<'a>(&'a self, transfer: Option<&'a TransferFunction>) -> Seen<'a> {
+        let (labels, unlabelled) = (self.drawn_labels(), self.draws_unlabelled());
+        Seen { volume: &self.volume, transfer, labels, unlabelled }
     }
 
     /// What was said of it, each with who said it, and what isn't shown of it.
@@ -231,6 +268,17 @@ impl Subject {
     pub fn scene_of(&self, settings: &Settings) -> Result<Scene, Error> {
         scene_of(&self.scene, settings)
     }
+}
+
+/// What a scene's pictures go by. In a window that is so however they are clipped.
+fn shown_by(loaded: &Loaded) -> Result<ShownBy, Error> {
+    let mut loaded = loaded.clone();
+    loaded.scene.remove(&ivd_field::clip::STAGE)?;
+    let plan = Plan::new(&loaded, None, None)?;
+    let picture = plan.node(NodeId::of_picture(Picture::Before));
+    let reads_labels =
+        picture.is_some_and(|node| node.inputs.iter().any(|(_, giver)| *giver == NodeId::LABELS));
+    Ok(if reads_labels { ShownBy::Labels } else { ShownBy::Values })
 }
 
 /// Does what a scene's lattice and colours need and isn't done yet.
@@ -315,9 +363,6 @@ fn check(scene: &Scene) -> Result<(), Error> {
         if written(stage).is_some_and(|keys| !keys.is_empty()) {
             return Err(none(format!("[{}]", stage.name)));
         }
-    }
-    if scene.input.labels.is_some() {
-        return Err(none("input.labels"));
     }
     let refine = &ivd_lattice::refine::STAGE;
     let keys = written(refine).into_iter().flatten();

@@ -1,6 +1,7 @@
 //! What goes along with a deformed volume: labels, where somebody asks for them, and single places.
 
 use ivd_core::{Exec, Labels, World};
+use ivd_field::clip::{self, By, ClipParams};
 use ivd_field::place;
 use ivd_field::warp::{DeformedLabels, WarpParams};
 
@@ -13,6 +14,8 @@ use crate::session::Session;
 pub(crate) struct Followed {
     labels: DeformedLabels,
     behind: Vec<usize>,
+    /// What planes and boxes leave of them, where there are any.
+    clipped: Option<Labels>,
 }
 
 impl Followed {
@@ -37,6 +40,7 @@ impl Session {
             None => Followed {
                 labels: DeformedLabels::new(labels, &WarpParams::default(), exec)?,
                 behind: touched(self.displacement())?,
+                clipped: None,
             },
         };
         let made = followed.labels.update(labels, self.displacement(), &followed.behind, exec);
@@ -46,6 +50,34 @@ impl Session {
         let followed = self.followed.insert(followed);
         made?;
         Ok(Some(followed.labels.output()))
+    }
+
+    /// Makes [`Session::shown_labels`] those of the present state.
+    ///
+    /// # Errors
+    /// The memory limit, cancellation.
+    pub fn follow_labels(&mut self, exec: &Exec) -> Result<(), Error> {
+        self.deformed_labels(exec)?;
+        let clip = &self.settings().clip;
+        let by = By { tag: None, displacement: clip.is_at_rest().then(|| self.displacement()) };
+        let clipped = match (&self.followed, clip.params()) {
+            (Some(followed), Some(params)) => {
+                // A value that stands in for what is thrown away is no label.
+                let params = ClipParams { background: None, ..params };
+                Some(clip::labels(followed.labels.output(), &params, &by, exec)?.output)
+            }
+            _ => None,
+        };
+        if let Some(followed) = &mut self.followed {
+            followed.clipped = clipped;
+        }
+        Ok(())
+    }
+
+    /// The labels of what is shown: deformed, and 0 where planes and boxes take away, as [`Session::follow_labels`] made them last; `None` before.
+    pub fn shown_labels(&self) -> Option<&Labels> {
+        let followed = self.followed.as_ref()?;
+        Some(followed.clipped.as_ref().unwrap_or(followed.labels.output()))
     }
 
     /// Where what rests at a place is now (mm, RAS); see [`place::moved`].

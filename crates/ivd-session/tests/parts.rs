@@ -1,7 +1,7 @@
 //! Bones, steps in space, clips and labels: parts of the state as handles are.
 
 use ivd_core::{Exec, VoxelIndex};
-use ivd_field::clip::{Cuboid, HalfSpace};
+use ivd_field::clip::{self, By, Cuboid, HalfSpace};
 use ivd_field::lies::Lies;
 use ivd_field::shape::{Kind, Shape};
 use ivd_field::warp::{self, WarpParams};
@@ -243,7 +243,7 @@ fn a_bone_keeps_its_name_when_another_goes() {
 fn labels_go_along_once_they_are_asked_for() {
     let exec = Exec::default();
     let mut session = session(Settings::default(), &exec);
-    let rest = labels(&ball().0);
+    let (rest, mut clipped) = (labels(&ball().0), 0);
     for (n, event) in series().into_iter().take(21).enumerate() {
         session.apply(event, &exec).unwrap();
         // Not after every event: what is behind is made good.
@@ -252,8 +252,23 @@ fn labels_go_along_once_they_are_asked_for() {
             let followed = session.deformed_labels(&exec).unwrap().unwrap();
             assert!(followed == &whole.output, "after event {n}");
             assert!(n > 1 || followed != &rest);
+            session.follow_labels(&exec).unwrap();
+            let clip = &session.settings().clip;
+            let at_rest = clip.rule.space == Some(Lies::Rest);
+            let by = By { tag: None, displacement: at_rest.then(|| session.displacement()) };
+            let kept = clip.params().map(|params| clip::labels(&whole.output, &params, &by, &exec).unwrap());
+            clipped += usize::from(kept.is_some());
+            let expected = kept.map_or(whole.output, |kept| kept.output);
+            assert!(session.shown_labels() == Some(&expected), "after event {n}");
         }
     }
+    assert!(clipped > 3, "{clipped}");
+    // What stands in for values that are thrown away is no label.
+    let shown = session.shown_labels().cloned();
+    let rule = ClipRule { background: Some(-5.5), ..session.settings().clip.rule };
+    session.apply(Event::ClipRule(rule), &exec).unwrap();
+    session.follow_labels(&exec).unwrap();
+    assert!(session.shown_labels() == shown.as_ref());
     while session.undo(&exec).unwrap().is_some() {}
     assert!(session.deformed_labels(&exec).unwrap() == Some(&rest));
     let (volume, lattice) = ball();

@@ -203,7 +203,7 @@ impl Window {
         self.layout.kept = path.parent().filter(|folder| folder.is_dir()).map(Path::to_owned);
         match what {
             Keeps::Asked(what) => {
-                work.shared.keeping.expect(what, path, work.scan.clone());
+                work.shared.keeping.expect(what, path);
                 self.ask(Request::Save { what });
             }
             // Taken when the dialog is gone.

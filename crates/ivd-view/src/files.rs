@@ -57,26 +57,21 @@ impl Keeps {
 
 /// Where what was asked for is to be written.
 #[derive(Default)]
-pub(crate) struct Keeping(Mutex<Vec<(Saved, PathBuf, Option<PathBuf>)>>);
+pub(crate) struct Keeping(Mutex<Vec<(Saved, PathBuf)>>);
 
 impl Keeping {
     /// Something is asked for, to be written there.
-    ///
-    /// - `scan`: where the scan lies, to be told in what is written.
-    pub(crate) fn expect(&self, what: Saved, path: PathBuf, scan: Option<PathBuf>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push((what, path, scan));
+    pub(crate) fn expect(&self, what: Saved, path: PathBuf) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push((what, path));
     }
 
     /// Writes what came; says where it lies, or why it doesn't.
     pub(crate) fn write(&self, file: &File) -> Result<String, String> {
         let mut expected = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = expected.iter().position(|(what, ..)| *what == file.what);
-        let (_, path, scan) = place.map(|at| expected.remove(at)).ok_or("nobody asked for it")?;
+        let place = expected.iter().position(|(what, _)| *what == file.what);
+        let (_, path) = place.map(|at| expected.remove(at)).ok_or("nobody asked for it")?;
         drop(expected);
-        let named = match scan.as_deref().map(|scan| beside(scan, &path)) {
-            Some(scan) => file.clone().naming(&scan).map_err(|error| error.to_string())?,
-            None => file.clone(),
-        };
+        let named = file.clone().naming(|scan| beside(scan, &path)).map_err(|error| error.to_string())?;
         write(&path, &named.bytes)?;
         Ok(path.display().to_string())
     }

@@ -2,15 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{Exec, Image, Volume, VoxelIndex};
-use ivd_field::clip::{self, By};
+use ivd_core::{Exec, Image, Labels, Volume, VoxelIndex};
+use ivd_field::clip::{self, By, ClipParams};
 use ivd_report::Plane;
 use nalgebra::Vector3;
 
 use super::Model;
 use crate::compared::divided;
 use crate::overlay::tinted;
-use crate::{Compared, Error, Overlay, Pane, Shows};
+use crate::panes::Seen;
+use crate::{Compared, Error, Overlay, Pane, ShownBy, Shows};
 
 /// How much of its grey what is taken away has in red, green and blue.
 const TAKEN: [f64; 3] = [0.25, 0.3, 0.45];
@@ -42,18 +43,36 @@ impl Model {
             return Ok(());
         };
         // Of both halves only the other's bricks are known to have changed.
-        if self.rest.as_ref().is_none_or(|(same, _)| *same != params) {
+        if self.rest.as_ref().is_none_or(|(same, ..)| *same != params) {
             let clipped = clip::volume(self.session.rest(), &params, &By::default(), &self.exec)?.output;
             clipped.find_bricks(&self.exec)?;
-            self.rest = Some((params, clipped));
+            let no_label = ClipParams { background: None, ..params.clone() };
+            let labels = self.subject.drawn_labels();
+            let labels = labels.map(|labels| clip::labels(labels, &no_label, &By::default(), &self.exec));
+            self.rest = Some((params, clipped, labels.transpose()?.map(|clipped| clipped.output)));
             self.touch(&Pane::ALL);
         }
         Ok(())
     }
 
     /// The body at rest, as it is shown.
-    fn seen_at_rest(&self) -> &Volume {
-        self.rest.as_ref().map_or(self.session.rest(), |(_, clipped)| clipped)
+    fn seen_at_rest(&self) -> Seen<'_> {
+        let (volume, labels) = match &self.rest {
+            Some((_, clipped, labels)) => (clipped, labels.as_ref()),
+            None => (self.session.rest(), self.subject.drawn_labels()),
+        };
+        self.in_colours(volume, labels)
+    }
+
+    /// The body as it is now.
+    fn seen_now(&self) -> Seen<'_> {
+        let labels = self.session.shown_labels().filter(|_| self.subject.shown_by == ShownBy::Labels);
+        self.in_colours(self.session.deformed(), labels)
+    }
+
+    fn in_colours<'a>(&'a self, volume: &'a Volume, labels: Option<&'a Labels>) -> Seen<'a> {
+        let transfer = self.transfer.as_ref();
+        Seen { volume, transfer, labels, unlabelled: self.subject.draws_unlabelled() }
     }
 
     /// Something was changed: it is to be seen.
@@ -65,8 +84,8 @@ impl Model {
     }
 
     /// The body as a pane shows it at a share.
-    pub(super) fn seen(&self, at: [f64; 2]) -> &Volume {
-        if self.compared.is_rest_at(at) { self.seen_at_rest() } else { self.session.deformed() }
+    pub(super) fn seen(&self, at: [f64; 2]) -> Seen<'_> {
+        if self.compared.is_rest_at(at) { self.seen_at_rest() } else { self.seen_now() }
     }
 
     /// The body as it is told of where no pane is pointed at.
@@ -99,11 +118,11 @@ impl Model {
         let Compared { shows, at } = self.compared;
         let rest = || match self.panes.planes.plane(pane) {
             Some(plane) => self.slice_at_rest(plane),
-            None => self.panes.draw(self.seen_at_rest(), self.transfer.as_ref(), coarser, exec),
+            None => self.panes.draw(self.seen_at_rest(), coarser, exec),
         };
         let now = || match self.panes.planes.plane(pane) {
             Some(plane) => self.slice_now(plane),
-            None => self.panes.draw(self.session.deformed(), self.transfer.as_ref(), coarser, exec),
+            None => self.panes.draw(self.seen_now(), coarser, exec),
         };
         match shows {
             Shows::Now => now(),
@@ -162,7 +181,7 @@ impl Model {
 
     /// The same of the body at rest.
     pub(super) fn is_taken_at_rest(&self, voxel: [usize; 3]) -> bool {
-        self.rest.as_ref().is_some_and(|(_, clipped)| differ(clipped, self.session.rest(), voxel))
+        self.rest.as_ref().is_some_and(|(_, clipped, _)| differ(clipped, self.session.rest(), voxel))
     }
 }
 

@@ -73,7 +73,7 @@ impl Model {
 
     /// The place that a pane shows, and that on its surface (mm, RAS): in the volume where what is seen begins.
     pub(super) fn look_through(&self, pane: Pane, at: [f64; 2]) -> Result<[Option<[f64; 3]>; 2], Error> {
-        self.panes.look_through(pane, at, self.in_colours(self.seen(at)), &self.exec)
+        self.panes.look_through(pane, at, self.seen(at), &self.exec)
     }
 
     /// The handle that a pane shows at a place; before those that lie beside its slice, or behind what is seen, one that doesn't.

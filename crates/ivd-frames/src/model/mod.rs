@@ -23,7 +23,7 @@ mod window;
 
 use std::time::{Duration, Instant};
 
-use ivd_core::{BRICK, Cancel, Exec, TransferFunction, Volume};
+use ivd_core::{BRICK, Cancel, Exec, Labels, TransferFunction, Volume};
 use ivd_field::clip::ClipParams;
 use ivd_motion::handles::{Action, Handle, Pin};
 use ivd_render::{Lens, View};
@@ -32,9 +32,9 @@ use nalgebra::Vector3;
 
 use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
-use crate::panes::{Across, Panes, Seen};
+use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
+use crate::{Compared, Error, Overlay, Pane, Request, ShownBy, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
 pub use patience::Patience;
@@ -55,8 +55,8 @@ pub struct Model {
     window: Window,
     overlay: Option<Overlay>,
     compared: Compared,
-    /// The body at rest without what planes and boxes take away, while it is shown.
-    rest: Option<(ClipParams, Volume)>,
+    /// The body at rest, and its labels, without what planes and boxes take away, while it is shown.
+    rest: Option<(ClipParams, Volume, Option<Labels>)>,
     first_window: Window,
     /// Of the next handle (mm).
     radius: f64,
@@ -127,10 +127,10 @@ impl Model {
         let looks = looks::of_subject(&subject);
         let transfer = looks::first_transfer(&subject)?;
         volume.find_bricks(&exec)?;
-        let panes = Panes::new(volume, transfer.as_ref(), &subject.picture, size, &exec)?;
+        let panes = Panes::new(subject.seen(transfer.as_ref()), &subject.picture, size, &exec)?;
         let lens = panes.lens(volume.grid())?;
         let window = Window::of(volume);
-        let session = Session::new(
+        let mut session = Session::new(
             volume.clone(),
             subject.lattice.clone(),
             subject.labels.clone(),
@@ -138,6 +138,9 @@ impl Model {
             &exec,
         )?;
         session.deformed().find_bricks(&exec)?;
+        if subject.shown_by == ShownBy::Labels {
+            session.follow_labels(&exec)?;
+        }
         let said = subject.scene.window.clone().unwrap_or_default();
         let mut model = Self {
             kept: Kept::default(),
@@ -481,6 +484,9 @@ impl Model {
     /// Takes what an event changed into account.
     fn show(&mut self, update: &Update) -> Result<(), Error> {
         self.show_now();
+        if self.subject.shown_by == ShownBy::Labels {
+            self.session.follow_labels(&self.exec)?;
+        }
         if !update.dirty.is_empty() {
             let bricks = self.session.displacement().inverse().brick_dims();
             let at = |brick: usize| {
@@ -558,14 +564,9 @@ impl Model {
         Ok(())
     }
 
-    /// A volume in its colours.
-    pub(super) fn in_colours<'a>(&'a self, volume: &'a Volume) -> Seen<'a> {
-        Seen { volume, transfer: self.transfer.as_ref() }
-    }
-
     /// The place that a pane shows (mm, RAS).
     fn look(&self, pane: Pane, at: [f64; 2]) -> Result<Option<[f64; 3]>, Error> {
-        self.panes.look(pane, at, self.in_colours(self.seen(at)), &self.exec)
+        self.panes.look(pane, at, self.seen(at), &self.exec)
     }
 
     /// What is told beside the pictures.
@@ -574,14 +575,6 @@ impl Model {
         self.find_classes();
         self.find_clipped();
         Figures::of(self)
-    }
-}
-
-/// How far a handle is told to move its vertex; none of one that pulls with a force.
-fn by_of(handle: &Handle) -> Option<Vector3<f64>> {
-    match handle.action {
-        Action::Move(by) => Some(Vector3::from(by)),
-        Action::Force(_) => None,
     }
 }
 

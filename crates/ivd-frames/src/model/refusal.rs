@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use ivd_core::{Classified as _, ErrorClass, Exec};
-use ivd_motion::handles::Handle;
+use ivd_motion::handles::{Action, Handle};
 use ivd_session::{Event, MapChoice, Physics};
 use nalgebra::Vector3;
 
-use super::{Drag, Model, by_of};
+use super::{Drag, Model};
 use crate::Error;
 use crate::figures::Refused;
 use crate::request::MapName;
@@ -108,5 +108,13 @@ fn is_too_far(error: &ivd_session::Error) -> bool {
             problem.starts_with("kept free of folds")
         }
         _ => false,
+    }
+}
+
+/// How far a handle is told to move its vertex; none of one that pulls with a force.
+fn by_of(handle: &Handle) -> Option<Vector3<f64>> {
+    match handle.action {
+        Action::Move(by) => Some(Vector3::from(by)),
+        Action::Force(_) => None,
     }
 }

@@ -172,8 +172,7 @@ impl Model {
             let here: Vec<_> = here.filter(|(.., at)| self.compared.is_rest_at(*at) == half).collect();
             let Some((.., first)) = here.first() else { continue };
             let shares: Vec<_> = here.iter().map(|(.., at)| (*at, Depth::Shown)).collect();
-            let volume = self.seen(*first);
-            let seen = self.panes.look_at_all(&shares, self.in_colours(volume), &self.exec);
+            let seen = self.panes.look_at_all(&shares, self.seen(*first), &self.exec);
             // What can't be told is shown, and asked again.
             is_known &= seen.is_ok();
             for ((n, place, _), seen) in here.iter().zip(seen.unwrap_or_default()) {

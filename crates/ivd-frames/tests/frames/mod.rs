@@ -6,6 +6,7 @@ mod compared;
 mod depth;
 mod gestures;
 mod hands;
+mod labelled;
 mod parts;
 mod rulers;
 mod scans;

@@ -164,7 +164,9 @@ fn a_bare_scan_is_opened_by_the_defaults_and_its_level_is_told() {
     assert!(subject.transfer.is_some());
     let model = ivd_frames::Model::new(subject, [64, 64], Exec::default()).unwrap();
     let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
-    let text = String::from_utf8(kept.bytes).unwrap();
+    let text = String::from_utf8(kept.bytes.clone()).unwrap();
+    let named = kept.naming(|scan| Path::new("a").join(scan.file_name().unwrap())).unwrap();
+    assert!(String::from_utf8(named.bytes).unwrap().contains("file = \"a/a ‘scan’.nii.gz\""));
     assert!(text.contains("method = \"biharmonic\"") && !text.contains("max_edge"), "{text}");
     assert!(text.contains("scan.nii.gz\"") && !text.contains('‘'), "where it lies stays untold: {text}");
     assert!(bare_scene(Path::new("x.nii"), &["lattice.isu=3".parse().unwrap()]).is_err());
@@ -247,12 +249,6 @@ fn classes_look_otherwise_and_the_scene_says_so() {
     model.follow(&Request::ResetColours).unwrap();
     assert!(hidden(&model) == before && !model.figures().unsaved);
     assert!(model.follow(&Request::Class { class: 999, hidden: true, opacity: None, colour: None }).is_err());
-    let named = model
-        .save(Saved::Scene, String::new(), &Exec::default())
-        .unwrap()
-        .naming(Path::new("a/b.nii"))
-        .unwrap();
-    assert!(String::from_utf8(named.bytes).unwrap().contains("file = \"a/b.nii\""));
 }
 
 #[test]

@@ -27,8 +27,8 @@ use crate::{Error, Section, ending};
 
 pub use load::{Loaded, MAX_SCENE_BYTES, Override, load, parse, read_text_limited, truncate_lines};
 pub use sections::{
-    Body, InputSection, Inside, MeshSpace, OutputSection, Over, Picture, RawSection, RulerSection,
-    WindowSection,
+    Body, InputFiles, InputSection, Inside, MeshSpace, OutputSection, Over, Picture, RawSection,
+    RulerSection, WindowSection,
 };
 pub(crate) use sections::{OF_FRAMES, PICTURES, REPORT, SERIES, picture_file};
 pub(crate) use stage_sections::Written;
@@ -125,17 +125,34 @@ impl Scene {
         Ok(())
     }
 
-    /// Names another file as the input, and none beside it.
-    pub fn set_input(&mut self, file: &Path) {
-        let file_alone = InputSection { file: Some(file.to_owned()), phantom: None, ..self.input.clone() };
-        self.input = InputSection { grid_of: None, start: None, labels: None, series: None, ..file_alone };
+    /// The files that the input is read from.
+    pub fn input_files(&self) -> InputFiles {
+        let InputSection { file, labels, start, grid_of, series, .. } = self.input.clone();
+        InputFiles { file, labels, start, grid_of, series }
+    }
+
+    /// Names other files, in the place of those that it is read from or generated.
+    pub fn set_input_files(&mut self, files: InputFiles) {
         let input = self.written.entry("input".to_owned()).or_insert_with(|| Json::Object(Map::new()));
         if let Json::Object(input) = input {
-            for other in ["phantom", "grid_of", "start", "labels", "series"] {
-                input.remove(other);
+            for (key, file) in files.named() {
+                match file {
+                    Some(file) => input.insert(key.to_owned(), file.to_string_lossy().into()),
+                    None => input.remove(key),
+                };
             }
-            input.insert("file".to_owned(), file.to_string_lossy().into());
+            match &files.series {
+                Some(series) => input.insert("series".to_owned(), series.as_str().into()),
+                None => input.remove("series"),
+            };
+            if files.file.is_some() {
+                input.remove("phantom");
+            }
         }
+        let InputFiles { file, labels, start, grid_of, series } = files;
+        let phantom = self.input.phantom.filter(|_| file.is_none());
+        self.input =
+            InputSection { file, start, labels, series, grid_of, phantom, ..std::mem::take(&mut self.input) };
     }
 
     /// Says what windows show; nothing where that is what they show unasked.

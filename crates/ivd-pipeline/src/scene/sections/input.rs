@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ivd_core::VoxelType;
 use ivd_io::volume::VoxelAxes;
@@ -91,4 +91,37 @@ pub struct RawSection {
 
 fn unit_spacing() -> [f64; 3] {
     [1.0; 3]
+}
+
+/// The files that an input is read from, by the keys that name them, and which series of one of them.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct InputFiles {
+    /// The volume.
+    pub file: Option<PathBuf>,
+    /// Labels that another program made of it.
+    pub labels: Option<PathBuf>,
+    /// A part that was drawn.
+    pub start: Option<PathBuf>,
+    /// The file whose grid is taken.
+    pub grid_of: Option<PathBuf>,
+    /// Which series of a folder.
+    pub series: Option<String>,
+}
+
+impl InputFiles {
+    /// Each with its key.
+    pub(crate) fn named(&self) -> [(&'static str, Option<&Path>); 4] {
+        let Self { file, labels, start, grid_of, .. } = self;
+        [("file", file), ("labels", labels), ("start", start), ("grid_of", grid_of)]
+            .map(|(key, file)| (key, file.as_deref()))
+    }
+
+    /// The same files by other paths.
+    ///
+    /// - `path`: gives that of a file under a key.
+    #[must_use]
+    pub fn renamed(self, path: impl Fn(&'static str, &Path) -> PathBuf) -> Self {
+        let [file, labels, start, grid_of] = self.named().map(|(key, file)| file.map(|file| path(key, file)));
+        Self { file, labels, start, grid_of, series: self.series }
+    }
 }

@@ -4,7 +4,7 @@ mod input;
 mod output;
 mod window;
 
-pub use input::{InputSection, RawSection};
+pub use input::{InputFiles, InputSection, RawSection};
 pub use output::{MeshSpace, OutputSection, Picture};
 pub(crate) use output::{OF_FRAMES, PICTURES, REPORT, SERIES, picture_file};
 pub use window::{Body, Inside, Over, RulerSection, WindowSection};

@@ -1,0 +1,174 @@
+//! Scenes with labels of other programs: pictures go by these, as those of pipelines do.
+
+use std::path::Path;
+
+use ivd_artefact::Cache;
+use ivd_core::{Artefact, Class, Exec, Grid, Image, Labels, Volume, Voxels};
+use ivd_frames::{Model, Pane, Request, Saved, ShownBy, Shows, Subject, Tell, bare_scene};
+use ivd_pipeline::scene;
+use ivd_render::Side;
+
+use super::common::{loaded, patient};
+
+/// Voxels along an edge.
+const SIZE: usize = 32;
+/// Where three balls lie, left to right of one who faces the front; the last has no label.
+const BALLS: [[f64; 3]; 3] = [[7.0, 16.0, 16.0], [16.0, 16.0, 16.0], [25.0, 16.0, 16.0]];
+const RADIUS: f64 = 4.0;
+
+const SCENE: &str = "schema = 1\n[input]\nfile = \"Doe^John.nii.gz\"\nlabels = \"Doe^John organs.nii.gz\"\n\
+    [boundary]\nclass = 2\n[render]\nview = \"front\"\nannotate = false\nfit = \"volume\"\n[output]\nimages = [\"before\"]\n";
+
+/// Three balls of values that fall outwards, and labels 1 and 2 of two of them.
+fn begin(at: &Path) {
+    let grid = Grid::with_spacing([SIZE; 3], [1.0; 3]).unwrap();
+    let depth = |voxel: usize, ball: &[f64; 3]| {
+        let at = [voxel % SIZE, voxel / SIZE % SIZE, voxel / SIZE / SIZE].map(|c| c as f64);
+        RADIUS - (0..3).map(|a| (at[a] - ball[a]).powi(2)).sum::<f64>().sqrt()
+    };
+    let depths = |voxel: usize| BALLS.map(|ball| depth(voxel, &ball));
+    let value = |voxel: usize| {
+        let deepest = depths(voxel).into_iter().fold(f64::MIN, f64::max);
+        (100.0 + 50.0 * deepest).clamp(0.0, 200.0) as u8
+    };
+    let label =
+        |voxel: usize| (0..2).find(|&ball| depths(voxel)[ball] > 0.0).map_or(0, |ball| ball as u16 + 1);
+    let voxels: Vec<u8> = (0..grid.len()).map(value).collect();
+    let ids: Vec<u16> = (0..grid.len()).map(label).collect();
+    let volume = Volume::new(grid.clone(), Voxels::from(voxels)).unwrap();
+    let labels = Labels::new(grid, ids.into(), Vec::<Class>::new()).unwrap();
+    let write = |artefact: Artefact, name: &str| {
+        ivd_pipeline::export(&artefact, &at.join(name), &Exec::default()).unwrap();
+    };
+    write(Artefact::Volume(volume), "Doe^John.nii.gz");
+    write(Artefact::Labels(labels), "Doe^John organs.nii.gz");
+}
+
+fn opened(at: &Path, text: &str) -> Model {
+    let mut loaded = loaded(text);
+    at.clone_into(&mut loaded.folder);
+    let exec = Exec::default();
+    let subject = Subject::open(&loaded, false, &Cache::disabled(), &exec, &Tell::default()).unwrap();
+    patient(subject, exec)
+}
+
+fn drawn(model: &Model) -> Image {
+    model.draw(Pane::Volume, 1, &Exec::default()).unwrap()
+}
+
+/// Of the volume's picture in three columns, the share of pixels that show something.
+fn seen(model: &Model) -> [f64; 3] {
+    let image = drawn(model);
+    let (width, height) = (image.width(), image.height());
+    let empty = &image.rgba()[..3];
+    std::array::from_fn(|third| {
+        let columns = width * third / 3..width * (third + 1) / 3;
+        let pixels =
+            (0..height).flat_map(|row| columns.clone().map(move |column| 4 * (row * width + column)));
+        let count = pixels.filter(|at| image.rgba()[*at..*at + 3] != *empty).count();
+        count as f64 / (height * columns.len()) as f64
+    })
+}
+
+#[test]
+fn pictures_go_by_labels_that_a_person_gave_and_follow_what_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    let mut model = opened(at, SCENE);
+    // The patient's right is to the left.
+    let [unlabelled, moving, other] = seen(&model);
+    assert!(unlabelled == 0.0 && moving > 0.05 && other > 0.01, "{:?}", [unlabelled, moving, other]);
+    let first = drawn(&model);
+    assert_eq!(model.figures().classes.iter().map(|class| class.id).collect::<Vec<_>>(), [1, 2]);
+
+    // Without labels every ball is seen; the surface is one of values then.
+    let by_values = SCENE.replace("labels = \"Doe^John organs.nii.gz\"\n", "");
+    let by_values = opened(at, &by_values.replace("[boundary]\nclass = 2\n", "[lattice]\niso = 100.0\n"));
+    assert!(seen(&by_values).iter().all(|share| *share > 0.01));
+    let all = opened(at, &SCENE.replace("annotate = false", "annotate = false\nunlabelled = true"));
+    assert!(
+        seen(&all).iter().all(|share| *share > 0.01),
+        "what has no label is seen where that is asked for"
+    );
+
+    // A part that is pulled is seen where it is.
+    model.follow(&Request::Radius { handle: None, radius: 6.0 }).unwrap();
+    model.follow(&Request::Add { place: [16.0, 16.0, 20.0], by: [0.0, 0.0, 2.0] }).unwrap();
+    assert_eq!(model.figures().refused, None);
+    assert!(seen(&model)[1] > 1.05 * moving && seen(&model)[2] == other, "{:?}", seen(&model));
+    let pulled = drawn(&model);
+    model.follow(&Request::Undo).unwrap();
+    assert_eq!(drawn(&model), first);
+    model.follow(&Request::Redo).unwrap();
+    assert_eq!(drawn(&model), pulled);
+
+    // A plane takes the half that it takes, of the body as it is and at rest.
+    model.follow(&Request::Clip { point: [16.0; 3], normal: [1.0, 0.0, 0.0] }).unwrap();
+    let kept = |model: &Model| seen(model).map(|share| share > 0.0);
+    let now = seen(&model);
+    assert!(now[2] == 0.0 && now[1] > 0.0 && now[1] < 0.8 * moving, "{now:?}");
+    model.follow(&Request::Compare { shows: Shows::Rest, at: 0.5 }).unwrap();
+    assert_eq!(kept(&model), [false, true, false]);
+    model.follow(&Request::Compare { shows: Shows::Now, at: 0.5 }).unwrap();
+    model.follow(&Request::Undo).unwrap();
+    assert_eq!(drawn(&model), pulled);
+
+    // A class that is hidden is clear, whatever its values are.
+    let hide = |class| Request::Class { class, hidden: true, opacity: None, colour: None };
+    model.follow(&hide(1)).unwrap();
+    assert_eq!(kept(&model), [false, true, false]);
+    model.follow(&hide(2)).unwrap();
+    assert_eq!(kept(&model), [false; 3]);
+    // Nothing of it can be taken hold of in the picture.
+    assert!(model.follow(&Request::Grab { pane: Pane::Volume, at: [0.5; 2] }).is_err());
+}
+
+#[test]
+fn what_is_kept_names_labels_where_it_may_and_else_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    let mut model = opened(at, SCENE);
+    model.follow(&Request::Radius { handle: None, radius: 6.0 }).unwrap();
+    model.follow(&Request::Add { place: [16.0, 16.0, 20.0], by: [0.0, 0.0, 2.0] }).unwrap();
+    model.follow(&Request::Look { side: Side::Left }).unwrap();
+    let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
+    let text = String::from_utf8(kept.bytes.clone()).unwrap();
+    assert!(text.contains("\"scan.nii.gz\"") && text.contains("\"labels.nii.gz\""), "{text}");
+    assert!(!text.contains("Doe"), "{text}");
+    let named = kept.naming(|file| file.strip_prefix(at).unwrap().to_owned()).unwrap();
+    let again = opened(at, &String::from_utf8(named.bytes).unwrap());
+    assert_eq!(again.session().displacement(), model.session().displacement());
+    assert_eq!(drawn(&again), drawn(&model));
+    // Read by somebody who has put the files beside it.
+    for (name, beside) in [("Doe^John.nii.gz", "scan.nii.gz"), ("Doe^John organs.nii.gz", "labels.nii.gz")] {
+        std::fs::rename(at.join(name), at.join(beside)).unwrap();
+    }
+    assert_eq!(drawn(&opened(at, &text)), drawn(&model));
+    // The scene that other programs read makes the same of it.
+    assert!(scene::parse(&text, &[]).unwrap().input.labels.is_some());
+}
+
+#[test]
+fn labels_are_given_to_a_scan_alone_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    let words = ["input.labels=Doe^John organs.nii.gz", "boundary.class=1", "render.annotate=false"];
+    let overrides: Vec<_> = words.iter().map(|word| word.parse().unwrap()).collect();
+    let subject = |overrides| {
+        let loaded = bare_scene(&at.join("Doe^John.nii.gz"), overrides).unwrap();
+        let exec = Exec::default();
+        Subject::open(&loaded, true, &Cache::disabled(), &exec, &Tell::default()).unwrap()
+    };
+    let of_class = subject(&overrides);
+    assert!(
+        of_class.shown_by == ShownBy::Labels && of_class.said[0].contains("class 1"),
+        "{:?}",
+        of_class.said
+    );
+    // Which of them moves may be left open, but not which parts there are.
+    let of_any = subject(&overrides[..1]);
+    assert!(of_any.shown_by == ShownBy::Labels && of_any.made.class.is_some() && !of_any.made.is_body);
+}
