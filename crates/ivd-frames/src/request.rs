@@ -154,6 +154,11 @@ pub enum Request {
         #[serde(default)]
         colour: Option<String>,
     },
+    /// Draws all classes of the transfer function, or none.
+    AllClasses {
+        /// Whether none is drawn.
+        hidden: bool,
+    },
     /// Goes through slices.
     Slice {
         /// In which pane.

@@ -1,12 +1,12 @@
 //! Classes of the transfer function: hidden, recoloured, made translucent.
 
-use egui::{Label, RichText, Slider, Ui};
+use egui::{Button, Label, RichText, Slider, Ui};
 use ivd_frames::{Class, Figures, Request};
 
 use crate::window::Window;
 
 /// What classes are.
-const ABOUT: &str = "Found by their values: what is alike is one class, whatever it is called. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
+const ABOUT: &str = "Found by their values, where what is alike is one class, or read from a file of labels. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
 
 /// What a transition is.
 const BETWEEN: &str = "Voxels where one kind of matter passes into another: their values are a mixture of both, and no matter of their own";
@@ -20,6 +20,7 @@ impl Window {
         ui.heading("Classes").on_hover_text(ABOUT);
         if !figures.classes.is_empty() {
             ui.weak("drawn, colour, opacity, values, volume");
+            ui.horizontal(|ui| self.all_classes(ui, figures));
         }
         let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
         for class in &figures.classes {
@@ -32,6 +33,17 @@ impl Window {
             ui.weak(text).on_hover_text(BETWEEN);
         }
         self.matter_of_others(ui, figures);
+    }
+
+    /// Buttons to show all classes and none, of which few are shown then.
+    fn all_classes(&mut self, ui: &mut Ui, figures: &Figures) {
+        for (text, name, hidden) in [("All", "Show all classes", false), ("None", "Hide all classes", true)] {
+            let changes = figures.classes.iter().any(|class| class.hidden != hidden);
+            let button = ui.add_enabled(changes, Button::new(text)).accessible_name(name);
+            if button.on_hover_text(name).clicked() {
+                self.ask(Request::AllClasses { hidden });
+            }
+        }
     }
 
     fn class(&mut self, ui: &mut Ui, class: &Class, is_pointed: bool) {

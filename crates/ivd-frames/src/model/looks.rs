@@ -112,6 +112,10 @@ impl Model {
             Request::ResetColours => {
                 self.view_and_window_otherwise("reset colours".to_owned(), Self::reset_colours)
             }
+            Request::AllClasses { hidden } => {
+                let name = if *hidden { "hide all classes" } else { "show all classes" };
+                self.view_otherwise((name.to_owned(), false), |model| model.hide_all(*hidden))
+            }
             Request::Class { class, hidden, opacity, colour } => {
                 let known = self.classes().into_iter().find(|known| known.id == *class);
                 let before = known.ok_or_else(|| Error::Request {
@@ -139,8 +143,22 @@ impl Model {
     ) -> Result<(), Error> {
         let mut looks = self.looks.clone();
         looks.insert(class, Look { hidden, opacity, colour: colour.map(str::to_owned) });
+        self.look_by(looks)
+    }
+
+    /// Lets classes look so, and others as the transfer function has them.
+    fn look_by(&mut self, mut looks: Looks) -> Result<(), Error> {
         looks.retain(|_, look| *look != Look::default());
         self.recolour(looks, self.turned)
+    }
+
+    /// Draws all classes, or none; else they look as they did.
+    fn hide_all(&mut self, hidden: bool) -> Result<(), Error> {
+        let mut looks = self.looks.clone();
+        for class in self.classes() {
+            looks.entry(class.id).or_default().hidden = hidden;
+        }
+        self.look_by(looks)
     }
 
     /// The colours as they were at first.

@@ -277,7 +277,10 @@ impl Model {
                 self.touch(&Pane::ALL[1..]);
                 Ok(())
             }
-            Request::Transfer { .. } | Request::ResetColours | Request::Class { .. } => self.look_as(request),
+            Request::Transfer { .. }
+            | Request::ResetColours
+            | Request::Class { .. }
+            | Request::AllClasses { .. } => self.look_as(request),
             Request::Slice { pane, steps } => {
                 self.panes.planes.step(*pane, *steps, grid.dims())?;
                 self.hovered = None;

@@ -120,6 +120,11 @@ fn pictures_go_by_labels_that_a_person_gave_and_follow_what_is_done() {
     assert_eq!(kept(&model), [false, true, false]);
     model.follow(&hide(2)).unwrap();
     assert_eq!(kept(&model), [false; 3]);
+    model.follow(&Request::AllClasses { hidden: false }).unwrap();
+    assert_eq!(kept(&model), [false, true, true]);
+    model.follow(&Request::AllClasses { hidden: true }).unwrap();
+    assert_eq!(kept(&model), [false; 3]);
+    assert_eq!(model.figures().undo.as_deref(), Some("hide all classes"));
     // Nothing of it can be taken hold of in the picture.
     assert!(model.follow(&Request::Grab { pane: Pane::Volume, at: [0.5; 2] }).is_err());
 }

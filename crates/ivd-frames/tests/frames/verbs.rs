@@ -102,7 +102,11 @@ pub(crate) fn requests(verb: &str, draw: &mut Draw) -> Vec<Request> {
             Request::ResetView,
         ],
         "window" => vec![Request::Window { by: way(draw, 0.1) }],
-        "transfer" => vec![Request::Transfer { by: way(draw, 0.1) }, Request::ResetColours],
+        "transfer" => vec![
+            Request::Transfer { by: way(draw, 0.1) },
+            Request::AllClasses { hidden: true },
+            Request::ResetColours,
+        ],
         "slice" => vec![Request::Slice { pane: slice, steps: draw.below(7) as i32 - 3 }],
         "cross" => vec![Request::Cross { pane: slice, at: place(draw) }],
         "cut" => vec![
