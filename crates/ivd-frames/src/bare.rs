@@ -10,7 +10,7 @@ pub(crate) fn says(scene: &Scene, stage: &Stage, key: &str) -> bool {
     scene.section(stage).and_then(|section| section.written()).is_some_and(|keys| keys.contains_key(key))
 }
 
-/// Whether a scene leaves open which part of the scan is deformed. Labels that a person gives are of parts.
+/// Whether a scene leaves open which part of the scan is deformed. Where a person gives labels, the part is one of theirs.
 pub(crate) fn leaves_part_open(scene: &Scene) -> bool {
     let is_chosen =
         ["method", "class", "seed", "above"].iter().any(|key| says(scene, &ivd_boundary::STAGE, key));

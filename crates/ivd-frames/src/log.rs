@@ -4,6 +4,7 @@ use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use ivd_pipeline::scene::InputFiles;
 use ivd_session::Entry;
 use serde::{Deserialize, Serialize};
 use tempfile::SpooledTempFile;
@@ -65,8 +66,8 @@ pub struct Log {
     pub scene: String,
     /// What it is of, where it says so: a scan or a scene.
     pub of: Option<PathBuf>,
-    /// The scan, where it says so.
-    pub scan: Option<PathBuf>,
+    /// Where the files of its input lie, where it says so.
+    pub files: InputFiles,
     /// Other values that the scene's keys were opened with, where it says so, as they are typed.
     pub with: Option<Vec<String>>,
     /// What was done, the first first.
@@ -80,13 +81,16 @@ struct Head {
     begins: Beginning,
 }
 
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 struct Beginning {
     scene: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     of: Option<PathBuf>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// As earlier versions wrote it.
+    #[serde(default, skip_serializing)]
     scan: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "InputFiles::is_empty")]
+    files: InputFiles,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     with: Option<Vec<String>>,
 }
@@ -94,19 +98,21 @@ struct Beginning {
 impl Log {
     /// The first line of a log, without its end.
     pub fn head(scene: &str) -> String {
-        let begins = Head { begins: Beginning { scene: scene.to_owned(), of: None, scan: None, with: None } };
-        serde_json::to_string(&begins).unwrap_or_default()
+        let begins = Beginning { scene: scene.to_owned(), ..Beginning::default() };
+        serde_json::to_string(&Head { begins }).unwrap_or_default()
     }
 
     /// A first line that says what the log is of.
     ///
+    /// - `files`: where those of its input lie.
     /// - `with`: other values that the scene's keys were opened with, as they are typed; `None` where that isn't known.
-    pub fn told_of(head: &str, of: Option<&Path>, scan: Option<&Path>, with: Option<Vec<String>>) -> String {
+    pub fn told_of(head: &str, of: Option<&Path>, files: &InputFiles, with: Option<Vec<String>>) -> String {
         let Ok(Head { begins: Beginning { scene, .. } }) = serde_json::from_str(head) else {
             return head.to_owned();
         };
-        let [of, scan] = [of, scan].map(|path| path.map(Path::to_owned));
-        serde_json::to_string(&Head { begins: Beginning { scene, of, scan, with } }).unwrap_or_default()
+        let (of, files) = (of.map(Path::to_owned), files.clone());
+        let begins = Beginning { scene, of, files, with, ..Beginning::default() };
+        serde_json::to_string(&Head { begins }).unwrap_or_default()
     }
 
     /// Reads a log. A last line without an end is one that was never written whole, and is left out.
@@ -140,7 +146,8 @@ impl FromStr for Log {
     fn from_str(text: &str) -> Result<Self, String> {
         let mut lines = (1..).zip(text.split_inclusive('\n'));
         let (_, first) = lines.next().ok_or("it is empty")?;
-        let Beginning { scene, of, scan, with } = begun(first)?;
+        let Beginning { scene, of, scan, mut files, with } = begun(first)?;
+        files.file = files.file.or(scan);
         let mut entries = Vec::new();
         for (number, line) in lines {
             match serde_json::from_str(line) {
@@ -149,7 +156,7 @@ impl FromStr for Log {
                 Err(error) => return Err(format!("line {number}: {error}")),
             }
         }
-        Ok(Self { scene, of, scan, with, entries })
+        Ok(Self { scene, of, files, with, entries })
     }
 }
 
@@ -190,7 +197,13 @@ mod tests {
         let log = format!("{head}\n\"undo\"\n{{\"step\":{{\"na").parse::<Log>().unwrap();
         assert_eq!(
             log,
-            Log { scene: "schema = 1".into(), of: None, scan: None, with: None, entries: vec![Entry::Undo] }
+            Log {
+                scene: "schema = 1".into(),
+                of: None,
+                files: InputFiles::default(),
+                with: None,
+                entries: vec![Entry::Undo]
+            }
         );
         assert!(format!("{head}\nundo\n\"redo\"\n").parse::<Log>().unwrap_err().starts_with("line 2: "));
         assert!("\"undo\"\n".parse::<Log>().unwrap_err().contains("line 1"));

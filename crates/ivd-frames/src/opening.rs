@@ -91,7 +91,7 @@ pub struct Begun {
     pub model: Model,
     /// What is done again first.
     pub entries: Vec<Entry>,
-    /// Is given every line of the log.
+    /// Is given every line of the log, without what its files are called.
     pub line: Option<Line>,
 }
 

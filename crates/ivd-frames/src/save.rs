@@ -66,14 +66,7 @@ impl Model {
         Ok(Log::head(&told(self.subject().scene.clone())?))
     }
 
-    /// The same for a log that stays on this machine: it says where the scene's files lie.
-    pub(crate) fn log_head_here(&self) -> Result<String, Error> {
-        let mut scene = self.subject().scene.clone();
-        scene.set_input_files(self.subject().files.clone());
-        Ok(Log::head(&scene.to_text()?))
-    }
-
-    /// The scene that `ivd pipeline` makes the same of as is shown.
+    /// The scene that `ivd pipeline` makes the same voxels and displacement of as are shown.
     fn scene_text(&self) -> Result<String, Error> {
         let mut scene = self.subject().scene_of(self.session().settings())?;
         self.write_looks(&mut scene)?;
@@ -87,9 +80,13 @@ impl Model {
 /// The text of a scene that leaves the window.
 fn told(mut scene: Scene) -> Result<String, Error> {
     let mut head = String::from(MADE);
-    if scene.input.file.is_some() {
-        head += " Where the scan lies is told by --input, or here, and where other files of its input lie is told here.";
-        let files = scene.input_files().renamed(|key, file| {
+    let files = scene.input_files();
+    if !files.is_empty() {
+        head += " The scan's path is given by --input or below; other files of its input are named below.";
+        if files.series.is_some() {
+            head += " Which series of the folder it is has to be said again (--set input.series=).";
+        }
+        let files = files.renamed(|key, file| {
             let (ending, name) = (ivd_pipeline::ending(file), if key == "file" { "scan" } else { key });
             // A folder's name may end in anything.
             if ENDINGS.contains(&&*ending) { format!("{name}.{ending}").into() } else { name.into() }
@@ -102,12 +99,12 @@ fn told(mut scene: Scene) -> Result<String, Error> {
 impl File {
     /// The same where it may say what the files are called that what is shown was read from: a scene or a log.
     ///
-    /// - `name`: by what path a file is found from the folder that this is written into.
+    /// - `name`: by what path a file is found from the folder that this is written into. Scenes with absolute paths aren't read.
     ///
     /// # Errors
     /// Bytes that aren't those of a scene or a log.
     pub fn naming(mut self, name: impl Fn(&Path) -> PathBuf) -> Result<Self, Error> {
-        if self.from == InputFiles::default() {
+        if self.from.is_empty() {
             return Ok(self);
         }
         let wrong = |problem: String| Error::Io { what: "a file to be kept", problem };

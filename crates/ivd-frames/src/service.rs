@@ -285,17 +285,13 @@ impl<P: FnMut(Output)> Worker<P> {
         let Begun { mut model, entries, line: mut next } = begun;
         let log = Arc::new(Mutex::new(Lines::new()));
         let lines = log.clone();
-        let push = move |line: &str| lines.lock().unwrap_or_else(PoisonError::into_inner).push(line);
-        push(&model.log_head()?);
-        if let Some(next) = &mut next {
-            next(&model.log_head_here()?);
-        }
         let mut write = move |line: &str| {
             if let Some(next) = &mut next {
                 next(line);
             }
-            push(line);
+            lines.lock().unwrap_or_else(PoisonError::into_inner).push(line);
         };
+        write(&model.log_head()?);
         model.session_mut().record(move |entry| write(&serde_json::to_string(entry).unwrap_or_default()));
         match model.replay(&entries) {
             Err(error) if error.error_class() == ErrorClass::Cancelled => return Err(error),

@@ -55,7 +55,11 @@ impl Source {
             Some(file) if ends(file, "toml") => (scene::load(file, &self.overrides)?, false, Vec::new()),
             Some(file) if ends(file, "jsonl") => {
                 let log = Log::read(file)?;
-                (in_memory(&log.scene, file.clone(), &self.overrides)?, false, log.entries)
+                let mut loaded = in_memory(&log.scene, file.clone(), &self.overrides)?;
+                if !log.files.is_empty() {
+                    loaded.scene.set_input_files(log.files);
+                }
+                (loaded, false, log.entries)
             }
             Some(file) if is_scene(file) => (scene::load(file, &self.overrides)?, false, Vec::new()),
             Some(file) => (bare_scene(file, &self.overrides)?, true, Vec::new()),

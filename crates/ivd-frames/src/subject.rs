@@ -203,10 +203,7 @@ impl Subject {
         let mut subject = Self {
             made: Made::of(&scene, part.as_ref(), is_body),
             scene,
-            files: loaded.scene.input_files().renamed(|_, file| {
-                let file = loaded.folder.join(file);
-                std::path::absolute(&file).unwrap_or(file)
-            }),
+            files: loaded.input_files(),
             volume,
             lattice,
             labels,
@@ -232,7 +229,7 @@ impl Subject {
             volume: subject.volume.clone(),
             transfer,
             labels: subject.drawn_labels().cloned(),
-            unlabelled: subject.draws_unlabelled(),
+            unlabelled: subject.seen(None).unlabelled,
             picture: subject.picture.clone(),
         });
         Ok(subject)
@@ -243,15 +240,10 @@ impl Subject {
         self.labels.as_ref().filter(|_| self.shown_by == ShownBy::Labels)
     }
 
-    /// Whether pictures show what its labels leave out.
-    pub(crate) fn draws_unlabelled(&self) -> bool {
-        self.looks.as_ref().is_some_and(|looks| looks.unlabelled)
-    }
-
     /// It at rest, in colours.
     pub(crate) fn seen<'a>(&'a self, transfer: Option<&'a TransferFunction>) -> Seen<'a> {
-        let (labels, unlabelled) = (self.drawn_labels(), self.draws_unlabelled());
-        Seen { volume: &self.volume, transfer, labels, unlabelled }
+        let unlabelled = self.looks.as_ref().is_some_and(|looks| looks.unlabelled);
+        Seen { volume: &self.volume, transfer, labels: self.drawn_labels(), unlabelled }
     }
 
     /// What was said of it, each with who said it, and what isn't shown of it.

@@ -1,7 +1,7 @@
 //! What goes along with a deformed volume: labels, where somebody asks for them, and single places.
 
 use ivd_core::{Exec, Labels, World};
-use ivd_field::clip::{self, By, ClipParams};
+use ivd_field::clip::KeptLabels;
 use ivd_field::place;
 use ivd_field::warp::{DeformedLabels, WarpParams};
 
@@ -14,14 +14,19 @@ use crate::session::Session;
 pub(crate) struct Followed {
     labels: DeformedLabels,
     behind: Vec<usize>,
-    /// What planes and boxes leave of them, where there are any.
-    clipped: Option<Labels>,
+    /// What planes and boxes leave of them, where that was asked for.
+    kept: Option<KeptLabels>,
+    /// The bricks in which that is behind.
+    kept_behind: Vec<usize>,
 }
 
 impl Followed {
     /// Notes bricks whose displacement has changed.
     pub(crate) fn fall_behind(&mut self, bricks: &[usize]) {
         self.behind = merged(&self.behind, bricks);
+        if self.kept.is_some() {
+            self.kept_behind = merged(&self.kept_behind, bricks);
+        }
     }
 }
 
@@ -40,7 +45,8 @@ impl Session {
             None => Followed {
                 labels: DeformedLabels::new(labels, &WarpParams::default(), exec)?,
                 behind: touched(self.displacement())?,
-                clipped: None,
+                kept: None,
+                kept_behind: Vec::new(),
             },
         };
         let made = followed.labels.update(labels, self.displacement(), &followed.behind, exec);
@@ -52,32 +58,36 @@ impl Session {
         Ok(Some(followed.labels.output()))
     }
 
-    /// Makes [`Session::shown_labels`] those of the present state.
+    /// Makes [`Session::shown_labels`] those of the present state, by the bricks that have changed since.
     ///
     /// # Errors
-    /// The memory limit, cancellation.
+    /// The memory limit, cancellation: none are shown then.
     pub fn follow_labels(&mut self, exec: &Exec) -> Result<(), Error> {
         self.deformed_labels(exec)?;
+        let Some(mut followed) = self.followed.take() else { return Ok(()) };
         let clip = &self.settings().clip;
-        let by = By { tag: None, displacement: clip.is_at_rest().then(|| self.displacement()) };
-        let clipped = match (&self.followed, clip.params()) {
-            (Some(followed), Some(params)) => {
-                // A value that stands in for what is thrown away is no label.
-                let params = ClipParams { background: None, ..params };
-                Some(clip::labels(followed.labels.output(), &params, &by, exec)?.output)
+        followed.kept = match clip.params() {
+            None => None,
+            Some(params) => {
+                let labels = followed.labels.output();
+                let mut kept = match followed.kept.take() {
+                    Some(kept) => kept,
+                    None => KeptLabels::new(labels, exec)?,
+                };
+                let behind = std::mem::take(&mut followed.kept_behind);
+                kept.update(labels, &params, clip.is_at_rest(), self.displacement(), &behind, exec);
+                Some(kept)
             }
-            _ => None,
         };
-        if let Some(followed) = &mut self.followed {
-            followed.clipped = clipped;
-        }
+        self.followed = Some(followed);
         Ok(())
     }
 
-    /// The labels of what is shown: deformed, and 0 where planes and boxes take away, as [`Session::follow_labels`] made them last; `None` before.
+    /// The labels of what is shown: deformed, and 0 where planes and boxes take away. They are those of the present state where [`Session::follow_labels`]
+    /// was called since it was reached; `None` where it never was, failed, or what it kept was let go ([`Session::forget`]).
     pub fn shown_labels(&self) -> Option<&Labels> {
         let followed = self.followed.as_ref()?;
-        Some(followed.clipped.as_ref().unwrap_or(followed.labels.output()))
+        Some(followed.kept.as_ref().map_or(followed.labels.output(), KeptLabels::output))
     }
 
     /// Where what rests at a place is now (mm, RAS); see [`place::moved`].

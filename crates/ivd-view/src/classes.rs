@@ -6,7 +6,7 @@ use ivd_frames::{Class, Figures, Request};
 use crate::window::Window;
 
 /// What classes are.
-const ABOUT: &str = "Found by their values, where what is alike is one class, or read from a file of labels. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
+const ABOUT: &str = "Voxels with similar values, or those to which a file of labels gives one label. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
 
 /// What a transition is.
 const BETWEEN: &str = "Voxels where one kind of matter passes into another: their values are a mixture of both, and no matter of their own";

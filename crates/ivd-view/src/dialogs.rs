@@ -104,8 +104,8 @@ impl Window {
                 self.waits = Some(then);
             }
             Dialog::Recover { left, .. } => {
-                let (file, input) = (Some(left.path().to_owned()), left.scan.clone());
-                self.begin(&Source { file, input, overrides: Vec::new() }, Begins::Left(left), context);
+                let source = Source { file: Some(left.path().to_owned()), ..Source::default() };
+                self.begin(&source, Begins::Left(left), context);
             }
             Dialog::Missed { before, .. } => self.as_it_was(before, context),
             Dialog::Recorded => self.record(context),
@@ -172,7 +172,7 @@ impl Window {
 
     /// Where something is kept unless another place is said.
     pub(crate) fn offered(&self, name: &str) -> String {
-        let scan = self.work.as_ref().and_then(|work| work.scan.as_deref());
+        let scan = self.work.as_ref().and_then(|work| work.files.file.as_deref());
         let others = [self.layout.kept.clone(), std::env::current_dir().ok(), std::env::home_dir()];
         let folder = folder_to_keep_in(others, scan);
         let path = folder.map_or_else(|| PathBuf::from(name), |folder| folder.join(name));

@@ -87,7 +87,7 @@ fn beside(scan: &Path, file: &Path) -> PathBuf {
     let folder = std::path::absolute(ivd_fs::folder_of(file)).unwrap_or_default();
     let same = scan.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
     if same == 0 {
-        // On another drive; its name alone, and --input says where.
+        // On another drive; its name alone. Of a scan --input says where it lies, and what else there is is put beside the scene.
         return PathBuf::from(scan.file_name().unwrap_or_default());
     }
     let up = folder.components().skip(same).map(|_| Component::ParentDir);

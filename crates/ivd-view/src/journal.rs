@@ -8,6 +8,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use ivd_frames::{Line, Log};
+use ivd_pipeline::scene::InputFiles;
 
 /// How the names of logs begin and end.
 const NAME: (&str, &str) = ("log-", ".jsonl");
@@ -26,8 +27,8 @@ pub(crate) struct Left {
     path: PathBuf,
     /// What it is of: a scan or a scene.
     pub(crate) of: Option<PathBuf>,
-    /// The scan, where the scene has one.
-    pub(crate) scan: Option<PathBuf>,
+    /// Where the files of its scene's input lie.
+    pub(crate) files: InputFiles,
     /// Other values that the scene's keys were opened with, where that is known.
     pub(crate) with: Option<Vec<String>>,
     /// Steps in it.
@@ -39,7 +40,7 @@ pub(crate) struct Left {
 impl Journal {
     /// Begins a log in a folder; gives what writes its lines.
     ///
-    /// - `of`, `scan`: told in its first line, so that the log is found by them.
+    /// - `of`, `files`: told in its first line, so that the log is found by what it is of, and the files of its input are found.
     /// - `with`: other values that the scene's keys were opened with, so that it can be made again.
     ///
     /// # Errors
@@ -47,18 +48,18 @@ impl Journal {
     pub(crate) fn begin(
         folder: &Path,
         of: Option<&Path>,
-        scan: Option<&Path>,
+        files: InputFiles,
         mut with: Option<Vec<String>>,
     ) -> io::Result<(Self, Line)> {
         std::fs::create_dir_all(folder)?;
         let (path, file) = fresh(folder)?;
         file.try_lock().map_err(io::Error::from)?;
         let mut writer = file.try_clone()?;
-        let (of, scan) = (of.map(Path::to_owned), scan.map(Path::to_owned));
+        let of = of.map(Path::to_owned);
         let mut is_first = true;
         let line = move |line: &str| {
-            let head = std::mem::take(&mut is_first)
-                .then(|| Log::told_of(line, of.as_deref(), scan.as_deref(), with.take()));
+            let head =
+                std::mem::take(&mut is_first).then(|| Log::told_of(line, of.as_deref(), &files, with.take()));
             let line = head.as_deref().unwrap_or(line);
             // A disk that is full doesn't end a session; what is kept by hand says so.
             let _ = writer.write_all(format!("{line}\n").as_bytes());
@@ -67,8 +68,8 @@ impl Journal {
     }
 
     /// Leaves it to what goes on from it.
-    pub(crate) fn leave(self, of: Option<PathBuf>, scan: Option<PathBuf>, steps: usize) -> Left {
-        Left { path: self.path, of, scan, with: None, steps, _file: self.file }
+    pub(crate) fn leave(self, of: Option<PathBuf>, files: InputFiles, steps: usize) -> Left {
+        Left { path: self.path, of, files, with: None, steps, _file: self.file }
     }
 
     /// Removes it: nothing is lost any more.
@@ -102,8 +103,8 @@ pub(crate) fn left_over(folder: &Path) -> Vec<Left> {
         file.try_lock().ok()?;
         match Log::read(&path) {
             Ok(log) if !log.entries.is_empty() => {
-                let Log { of, scan, with, entries, .. } = log;
-                Some(Left { path, of, scan, with, steps: entries.len(), _file: file })
+                let Log { of, files, with, entries, .. } = log;
+                Some(Left { path, of, files, with, steps: entries.len(), _file: file })
             }
             _ => {
                 let _ = std::fs::remove_file(&path);
@@ -134,8 +135,9 @@ mod tests {
     fn what_a_crash_leaves_is_found_and_what_is_closed_is_gone() {
         let folder = tempfile::tempdir().unwrap();
         let of = Path::new("/scans/a.nii");
+        let files = InputFiles { file: Some(of.to_owned()), ..InputFiles::default() };
         let (journal, mut line) =
-            Journal::begin(folder.path(), Some(of), Some(of), Some(vec!["lattice.iso=3".to_owned()]))
+            Journal::begin(folder.path(), Some(of), files.clone(), Some(vec!["lattice.iso=3".to_owned()]))
                 .unwrap();
         line(&Log::head("schema = 1"));
         line("\"undo\"");
@@ -143,12 +145,14 @@ mod tests {
         // As where the process ends.
         drop((journal, line));
         let left = left_over(folder.path());
-        let found: Vec<_> =
-            left.iter().map(|left| (left.of.as_deref(), left.with.as_deref(), left.steps)).collect();
-        assert_eq!(found, [(Some(of), Some(&["lattice.iso=3".to_owned()][..]), 1)]);
+        let found: Vec<_> = left
+            .iter()
+            .map(|left| (left.of.as_deref(), &left.files, left.with.as_deref(), left.steps))
+            .collect();
+        assert_eq!(found, [(Some(of), &files, Some(&["lattice.iso=3".to_owned()][..]), 1)]);
         left.into_iter().for_each(Left::remove);
 
-        let (journal, mut line) = Journal::begin(folder.path(), None, None, None).unwrap();
+        let (journal, mut line) = Journal::begin(folder.path(), None, InputFiles::default(), None).unwrap();
         line(&Log::head("schema = 1"));
         drop(line);
         journal.close();

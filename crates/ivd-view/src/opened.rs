@@ -45,7 +45,7 @@ impl Window {
             Ok(work) => {
                 context.send_viewport_cmd(ViewportCommand::Title(format!("{} — IVD", work.name())));
                 let folder = source.file.as_deref().and_then(Path::parent).filter(|folder| folder.is_dir());
-                if work.of.is_some() && work.scan.is_some() {
+                if work.of.is_some() && work.files.file.is_some() {
                     self.layout.folder = folder.map(Path::to_owned).or(self.layout.folder.take());
                 }
                 self.work = Some(work);

@@ -9,7 +9,7 @@ use ivd_frames::{
     Begun, Client, Entry, Error, Model, Opened, Request, Saved, Service, Sight, Source, Subject, TOO_MUCH,
     Tell,
 };
-use ivd_pipeline::scene::Override;
+use ivd_pipeline::scene::{InputFiles, Override};
 
 use crate::inbox::{AGAIN, Shared, Watch};
 use crate::journal::{Journal, Left};
@@ -40,8 +40,8 @@ pub(crate) struct Work {
     pub(crate) source: Source,
     /// What was opened; `None` for the demo.
     pub(crate) of: Option<PathBuf>,
-    /// Where the scan lies.
-    pub(crate) scan: Option<PathBuf>,
+    /// Where the files of its input lie.
+    pub(crate) files: InputFiles,
     journal: Arc<Mutex<Option<Journal>>>,
     /// The log that it goes on from, until its own has all of that.
     left: Option<Left>,
@@ -64,7 +64,7 @@ impl Work {
     ) -> Result<Self, Error> {
         let Opened { loaded, is_bare, mut entries } = source.read()?;
         let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-        let scan = loaded.scene.input.file.as_ref().map(|file| absolute(&loaded.folder.join(file)));
+        let files = loaded.input_files();
         let (mut again, mut of, mut is_last) = (source.clone(), source.file.as_deref().map(absolute), false);
         let mut sight = None;
         let left = match begins {
@@ -86,14 +86,13 @@ impl Work {
         let exec = exec.with_observer(Arc::new(Watch { shared: shared.clone(), exec: options.exec.clone() }));
         let (cancel, cache) = (exec.cancel.clone(), options.cache.clone());
         let journal = Arc::new(Mutex::new(None));
-        let (kept, folder, its_of, its_scan) =
-            (journal.clone(), options.folder.clone(), of.clone(), scan.clone());
+        let (kept, folder, its_of, its_files) =
+            (journal.clone(), options.folder.clone(), of.clone(), files.clone());
         let (its, to, with) = (exec.clone(), shared.clone(), (!is_last).then(|| written(&again.overrides)));
         let open = move |tell: &Tell| {
             let subject = Subject::open(&loaded, is_bare, &cache, &its, tell)?;
             subject.notes().for_each(|note| tell.note(note));
-            let begin =
-                |folder: PathBuf| Journal::begin(&folder, its_of.as_deref(), its_scan.as_deref(), with);
+            let begin = |folder: PathBuf| Journal::begin(&folder, its_of.as_deref(), its_files, with);
             let begun = folder.map(begin);
             let line = match begun.transpose() {
                 Ok(Some((journal, line))) => {
@@ -110,7 +109,7 @@ impl Work {
         };
         let service = Service::start_seen(sight, open, exec, move |output| to.take(output))?;
         let (service, is_shown) = (Some(service), false);
-        Ok(Self { service, cancel, shared, source: again, of, scan, journal, left, is_shown, is_last })
+        Ok(Self { service, cancel, shared, source: again, of, files, journal, left, is_shown, is_last })
     }
 
     /// Asks the service; by what number frames tell that it was followed.
@@ -179,7 +178,9 @@ impl Work {
                 }
                 Some(left)
             }
-            None => journal.map(|journal| journal.leave(self.of.take(), self.scan.take(), steps)),
+            None => {
+                journal.map(|journal| journal.leave(self.of.take(), std::mem::take(&mut self.files), steps))
+            }
         }
     }
 
@@ -193,7 +194,7 @@ impl Work {
 /// What a log that was left over is of, as it was opened.
 fn of_left(left: &Left) -> Source {
     let overrides = left.with.iter().flatten().filter_map(|word| word.parse().ok()).collect();
-    Source { file: left.of.clone(), input: left.scan.clone(), overrides }
+    Source { file: left.of.clone(), input: left.files.file.clone(), overrides }
 }
 
 /// Values of keys, as they are typed.

@@ -1,13 +1,13 @@
 //! A clipped volume that is kept while the volume changes, or what clips it.
 
-use ivd_core::{Displacement, Exec, Scalar, Volume, Voxels, parallel};
+use ivd_core::{Displacement, Exec, Labels, NO_DATA, Scalar, Volume, Voxels, parallel};
 
 use super::region::{Part, Region};
 use super::{By, ClipParams, Counts, discard, stored_background};
 use crate::Error;
 use crate::combine::nearest_data;
 use crate::sampler::brick_at;
-use crate::warp::for_each_row;
+use crate::warp::{for_each_row, ids_of, recount};
 
 /// What [`volume`](super::volume) makes of a volume by planes and boxes, made anew brick by brick.
 ///
@@ -63,14 +63,8 @@ impl Kept {
     ) -> Vec<usize> {
         let made =
             Made { params: params.clone(), at_rest, background: stored_background(volume, params).to_bits() };
+        let again = made.again(self.made.as_ref(), displacement, bricks);
         let region = region(&made, displacement);
-        let mut again = bricks.to_vec();
-        if self.made.as_ref() != Some(&made) {
-            again.extend(self.clipped(displacement));
-            again.extend(touched(&region, displacement));
-            again.sort_unstable();
-            again.dedup();
-        }
         let job = Job {
             region: &region,
             bricks: &again,
@@ -89,7 +83,83 @@ impl Kept {
 
     /// The bricks, ascending, that may not be the volume's own.
     pub fn clipped(&self, displacement: &Displacement) -> Vec<usize> {
-        self.made.as_ref().map_or_else(Vec::new, |made| touched(&region(made, displacement), displacement))
+        self.made.as_ref().map_or_else(Vec::new, |made| made.touched(displacement))
+    }
+}
+
+impl Made {
+    /// The bricks, ascending, that are made anew after what was made before.
+    ///
+    /// - `bricks`: those in which what is clipped or the displacement has changed since, ascending.
+    fn again(&self, before: Option<&Self>, displacement: &Displacement, bricks: &[usize]) -> Vec<usize> {
+        let mut again = bricks.to_vec();
+        if before != Some(self) {
+            again.extend(before.map_or_else(Vec::new, |before| before.touched(displacement)));
+            again.extend(self.touched(displacement));
+            again.sort_unstable();
+            again.dedup();
+        }
+        again
+    }
+
+    /// The bricks of which not all is surely kept.
+    fn touched(&self, displacement: &Displacement) -> Vec<usize> {
+        touched(&region(self, displacement), displacement)
+    }
+}
+
+/// What [`labels`](super::labels) makes of labels by planes and boxes, made anew brick by brick: 0 where they throw away.
+///
+/// Memory: one copy of the labels.
+#[derive(Debug, Clone)]
+pub struct KeptLabels {
+    output: Labels,
+    /// `None` as long as nothing was clipped.
+    made: Option<Made>,
+}
+
+impl KeptLabels {
+    /// Labels of which nothing is clipped yet.
+    ///
+    /// # Errors
+    /// The memory limit.
+    pub fn new(labels: &Labels, exec: &Exec) -> Result<Self, Error> {
+        exec.check_memory("the clipped labels", 2 * labels.ids().len() as u64)?;
+        Ok(Self { output: labels.clone(), made: None })
+    }
+
+    /// The clipped labels.
+    pub fn output(&self) -> &Labels {
+        &self.output
+    }
+
+    /// Clips the labels as they are now, as [`Kept::update`] does.
+    ///
+    /// - `params`: checked; planes and boxes. The value that stands in for what a volume loses is no label: it isn't read.
+    ///
+    /// # Panics
+    /// Where labels or displacement lie on another grid than the labels that it was made of.
+    pub fn update(
+        &mut self,
+        labels: &Labels,
+        params: &ClipParams,
+        at_rest: bool,
+        displacement: &Displacement,
+        bricks: &[usize],
+        exec: &Exec,
+    ) {
+        let params = ClipParams { background: None, ..params.clone() };
+        let made = Made { params, at_rest, background: f64::from(NO_DATA).to_bits() };
+        let again = made.again(self.made.as_ref(), displacement, bricks);
+        let region = region(&made, displacement);
+        let job = Job { region: &region, bricks: &again, background: f64::from(NO_DATA), skip: exec.skip };
+        let before = ids_of(self.output.ids(), displacement, &again);
+        exec.run(|| job.run(labels.ids(), self.output.ids_mut()));
+        let after = ids_of(self.output.ids(), displacement, &again);
+        let mut classes = self.output.classes().to_vec();
+        recount(&before, &after, &mut classes);
+        self.output.count(|id| classes.iter().find(|class| class.id == id).map_or(0, |class| class.voxels));
+        self.made = Some(made);
     }
 }
 

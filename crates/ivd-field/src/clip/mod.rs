@@ -39,7 +39,7 @@ use crate::Error;
 use crate::combine::nearest_data;
 use crate::warp::{check_grid, recount};
 pub use by::{By, Tag};
-pub use kept::Kept;
+pub use kept::{Kept, KeptLabels};
 pub use params::{ClipParams, Cuboid, HalfSpace};
 use region::{Part, Region};
 pub(crate) use stage::labelled;

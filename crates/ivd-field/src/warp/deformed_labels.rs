@@ -1,6 +1,6 @@
 //! Deformed labels that are kept while their displacement changes.
 
-use ivd_core::{Buffer, Displacement, Exec, Labels};
+use ivd_core::{Displacement, Exec, Labels};
 
 use super::deformed::Job;
 use super::{Order, WarpParams, check_grid, for_each_row, label_background};
@@ -26,9 +26,8 @@ impl DeformedLabels {
     pub fn new(labels: &Labels, params: &WarpParams, exec: &Exec) -> Result<Self, Error> {
         let background = label_background(labels, params)?;
         exec.check_memory("the deformed labels", 2 * labels.ids().len() as u64)?;
-        let ids = Buffer::from(labels.ids().to_vec());
-        let output = Labels::new(labels.grid().clone(), ids, labels.classes().to_vec())?;
-        Ok(Self { output, background, gained: vec![0; 1 << 16] })
+        // Shared with the labels until something moves.
+        Ok(Self { output: labels.clone(), background, gained: vec![0; 1 << 16] })
     }
 
     /// The deformed labels.
@@ -71,7 +70,7 @@ impl DeformedLabels {
 }
 
 /// The labels of bricks, brick after brick.
-fn ids_of(ids: &[u16], displacement: &Displacement, bricks: &[usize]) -> Vec<u16> {
+pub(crate) fn ids_of(ids: &[u16], displacement: &Displacement, bricks: &[usize]) -> Vec<u16> {
     let (dims, brick_dims) = (displacement.grid().dims(), displacement.inverse().brick_dims());
     let mut out = Vec::new();
     for &brick in bricks {

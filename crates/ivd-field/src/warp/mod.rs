@@ -31,6 +31,7 @@ use rayon::prelude::*;
 use crate::Error;
 pub use deformed::Deformed;
 pub use deformed_labels::DeformedLabels;
+pub(crate) use deformed_labels::ids_of;
 pub(crate) use labels::{label_background, recount};
 pub use labels::{labels, mask};
 pub use params::{Order, WarpParams};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ivd_core::{Exec, Image, Labels, Volume, VoxelIndex};
+use ivd_core::{Classified as _, ErrorClass, Exec, Image, Labels, Volume, VoxelIndex};
 use ivd_field::clip::{self, By, ClipParams};
 use ivd_report::Plane;
 use nalgebra::Vector3;
@@ -46,9 +46,10 @@ impl Model {
         if self.rest.as_ref().is_none_or(|(same, ..)| *same != params) {
             let clipped = clip::volume(self.session.rest(), &params, &By::default(), &self.exec)?.output;
             clipped.find_bricks(&self.exec)?;
-            let no_label = ClipParams { background: None, ..params.clone() };
+            // A value that stands in for what is thrown away is no label.
+            let of_labels = ClipParams { background: None, ..params.clone() };
             let labels = self.subject.drawn_labels();
-            let labels = labels.map(|labels| clip::labels(labels, &no_label, &By::default(), &self.exec));
+            let labels = labels.map(|labels| clip::labels(labels, &of_labels, &By::default(), &self.exec));
             self.rest = Some((params, clipped, labels.transpose()?.map(|clipped| clipped.output)));
             self.touch(&Pane::ALL);
         }
@@ -66,13 +67,30 @@ impl Model {
 
     /// The body as it is now.
     fn seen_now(&self) -> Seen<'_> {
-        let labels = self.session.shown_labels().filter(|_| self.subject.shown_by == ShownBy::Labels);
+        let labels = self.subject.drawn_labels().and_then(|_| self.session.shown_labels());
         self.in_colours(self.session.deformed(), labels)
     }
 
     fn in_colours<'a>(&'a self, volume: &'a Volume, labels: Option<&'a Labels>) -> Seen<'a> {
-        let transfer = self.transfer.as_ref();
-        Seen { volume, transfer, labels, unlabelled: self.subject.draws_unlabelled() }
+        Seen { volume, labels, ..self.subject.seen(self.transfer.as_ref()) }
+    }
+
+    /// Lets the labels that pictures go by follow what is shown. Where there is no room for them pictures go by values, which is told.
+    ///
+    /// # Errors
+    /// Cancellation.
+    pub(super) fn follow_labels(&mut self) -> Result<(), Error> {
+        if self.subject.shown_by == ShownBy::Values {
+            return Ok(());
+        }
+        match self.session.follow_labels(&self.exec) {
+            Err(error) if error.error_class() == ErrorClass::Cancelled => Err(error.into()),
+            Err(error) => {
+                self.exec.observer().note(&format!("the volume's picture goes by values now: {error}"));
+                Ok(())
+            }
+            Ok(()) => Ok(()),
+        }
     }
 
     /// Something was changed: it is to be seen.

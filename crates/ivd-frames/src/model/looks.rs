@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ivd_atf::matter_of_hounsfield;
-use ivd_core::{ClassRole, TransferEntry, TransferFunction, VoxelCoord, World, srgb};
+use ivd_core::{ClassLook, ClassRole, TransferEntry, TransferFunction, VoxelCoord, World, srgb};
 use ivd_render::{ClassLooks, Colour, Fit, Opacity, View};
 use serde_json::json;
 
@@ -58,18 +58,25 @@ pub(crate) fn first_transfer(subject: &Subject) -> Result<Option<TransferFunctio
     transfer.map(|transfer| coloured(transfer, &of_subject(subject), turned)).transpose()
 }
 
-/// The same for a scene: what is hidden needs no opacity there.
-fn to_scene(looks: &Looks) -> ClassLooks {
+/// The same for a scene: what is hidden needs no opacity there. Transitions have no name there: they are left out with all that isn't shown.
+fn to_scene(looks: &Looks, transfer: &TransferFunction) -> ClassLooks {
+    let known: Vec<u16> = transfer.classes_with_looks().collect();
+    let is_hidden = |class: &u16| looks.get(class).is_some_and(|look| look.hidden);
+    let leaves_out = looks.iter().any(|(class, look)| look.hidden && !known.contains(class));
     let mut all = ClassLooks::default();
-    for (&class, look) in looks {
+    for (&class, look) in looks.iter().filter(|(class, _)| known.contains(class)) {
         if let Some(colour) = &look.colour {
             all.colour.insert(class, Colour(colour.clone()));
         }
-        match look.opacity {
-            _ if look.hidden => all.hide.push(class),
-            Some(opacity) => _ = all.opacity.insert(class, Opacity(opacity)),
-            None => {}
+        if let Some(opacity) = look.opacity.filter(|_| !look.hidden) {
+            all.opacity.insert(class, Opacity(opacity));
         }
+    }
+    let (hidden, shown): (Vec<u16>, Vec<u16>) = known.into_iter().partition(is_hidden);
+    if leaves_out && !shown.is_empty() {
+        all.show = shown;
+    } else {
+        all.hide = hidden;
     }
     all
 }
@@ -80,9 +87,15 @@ pub(super) fn coloured(
     looks: &Looks,
     turned: Turned,
 ) -> Result<TransferFunction, Error> {
-    let looks = to_scene(looks);
-    let looking = if looks.is_empty() { transfer.clone() } else { looks.of(transfer)? };
-    Ok(turned.of(&looking))
+    if looks.is_empty() {
+        return Ok(turned.of(transfer));
+    }
+    let look = |look: &Look| ClassLook {
+        opacity: if look.hidden { Some(0.0) } else { look.opacity.map(|opacity| opacity as f32) },
+        rgb: look.colour.as_ref().and_then(|colour| Colour(colour.clone()).linear()),
+    };
+    let looks = looks.iter().map(|(class, wanted)| (*class, look(wanted))).collect();
+    Ok(turned.of(&transfer.clone().with_class_looks(&looks)?))
 }
 
 /// What it is called where a class is to look otherwise.
@@ -113,6 +126,14 @@ impl Model {
                 self.view_and_window_otherwise("reset colours".to_owned(), Self::reset_colours)
             }
             Request::AllClasses { hidden } => {
+                if self.classes().is_empty() {
+                    let problem = "no classes are drawn here".to_owned();
+                    return Err(Error::Request {
+                        what: "classes",
+                        problem,
+                        remedy: "look by a transfer function",
+                    });
+                }
                 let name = if *hidden { "hide all classes" } else { "show all classes" };
                 self.view_otherwise((name.to_owned(), false), |model| model.hide_all(*hidden))
             }
@@ -146,8 +167,14 @@ impl Model {
         self.look_by(looks)
     }
 
-    /// Lets classes look so, and others as the transfer function has them.
+    /// Lets classes look so, and others as the transfer function has them. Where all classes are drawn so are the transitions between them.
     fn look_by(&mut self, mut looks: Looks) -> Result<(), Error> {
+        let between = self.transitions();
+        if !looks.iter().any(|(class, look)| look.hidden && !between.contains(class)) {
+            for class in between {
+                looks.entry(class).or_default().hidden = false;
+            }
+        }
         looks.retain(|_, look| *look != Look::default());
         self.recolour(looks, self.turned)
     }
@@ -155,8 +182,9 @@ impl Model {
     /// Draws all classes, or none; else they look as they did.
     fn hide_all(&mut self, hidden: bool) -> Result<(), Error> {
         let mut looks = self.looks.clone();
-        for class in self.classes() {
-            looks.entry(class.id).or_default().hidden = hidden;
+        let all: Vec<u16> = self.entries().map(|entry| entry.class).collect();
+        for class in all {
+            looks.entry(class).or_default().hidden = hidden;
         }
         self.look_by(looks)
     }
@@ -260,12 +288,13 @@ impl Model {
         if self.subject.looks.is_none() || self.looks == of_subject(&self.subject) {
             return Ok(());
         }
-        let ClassLooks { opacity, colour, hide, .. } = to_scene(&self.looks);
+        let Some(transfer) = &self.subject.transfer else { return Ok(()) };
+        let ClassLooks { opacity, colour, hide, show, .. } = to_scene(&self.looks, transfer);
         let opacity = (!opacity.is_empty()).then(|| json!(opacity));
         let colour = (!colour.is_empty()).then(|| json!(colour));
         let hide = (!hide.is_empty()).then(|| json!(hide));
-        // What isn't shown is hidden.
-        let keys = [("opacity", opacity), ("colour", colour), ("hide", hide), ("show", None)];
+        let show = (!show.is_empty()).then(|| json!(show));
+        let keys = [("opacity", opacity), ("colour", colour), ("hide", hide), ("show", show)];
         scene.set(&ivd_render::STAGE, &keys)?;
         Ok(())
     }

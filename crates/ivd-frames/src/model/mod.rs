@@ -34,7 +34,7 @@ use crate::colours::{Turned, Window};
 use crate::figures::{Figures, Hovered, Missed, Refused, Spot};
 use crate::panes::{Across, Panes};
 use crate::request::MOST_HANDLES;
-use crate::{Compared, Error, Overlay, Pane, Request, ShownBy, Shows, Subject};
+use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
 pub use patience::Patience;
@@ -130,7 +130,7 @@ impl Model {
         let panes = Panes::new(subject.seen(transfer.as_ref()), &subject.picture, size, &exec)?;
         let lens = panes.lens(volume.grid())?;
         let window = Window::of(volume);
-        let mut session = Session::new(
+        let session = Session::new(
             volume.clone(),
             subject.lattice.clone(),
             subject.labels.clone(),
@@ -138,9 +138,6 @@ impl Model {
             &exec,
         )?;
         session.deformed().find_bricks(&exec)?;
-        if subject.shown_by == ShownBy::Labels {
-            session.follow_labels(&exec)?;
-        }
         let said = subject.scene.window.clone().unwrap_or_default();
         let mut model = Self {
             kept: Kept::default(),
@@ -178,6 +175,7 @@ impl Model {
             stop: Cancel::default(),
             subject,
         };
+        model.follow_labels()?;
         model.show_section(&said)?;
         model.keep();
         model.find_spots()?;
@@ -487,9 +485,7 @@ impl Model {
     /// Takes what an event changed into account.
     fn show(&mut self, update: &Update) -> Result<(), Error> {
         self.show_now();
-        if self.subject.shown_by == ShownBy::Labels {
-            self.session.follow_labels(&self.exec)?;
-        }
+        self.follow_labels()?;
         if !update.dirty.is_empty() {
             let bricks = self.session.displacement().inverse().brick_dims();
             let at = |brick: usize| {

@@ -62,6 +62,7 @@ impl Model {
             }
         }
         self.touch(&Pane::ALL);
+        self.follow_labels()?;
         self.carry_rulers();
         self.clip_rest()?;
         self.find_spots()?;

@@ -1,11 +1,11 @@
 //! Scenes with labels of other programs: pictures go by these, as those of pipelines do.
 
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 use ivd_artefact::Cache;
 use ivd_core::{Artefact, Class, Exec, Grid, Image, Labels, Volume, Voxels};
-use ivd_frames::{Model, Pane, Request, Saved, ShownBy, Shows, Subject, Tell, bare_scene};
-use ivd_pipeline::scene;
+use ivd_frames::{Entry, Lies, Log, Model, Pane, Request, Saved, ShownBy, Shows, Subject, Tell, bare_scene};
 use ivd_render::Side;
 
 use super::common::{loaded, patient};
@@ -129,6 +129,54 @@ fn pictures_go_by_labels_that_a_person_gave_and_follow_what_is_done() {
     assert!(model.follow(&Request::Grab { pane: Pane::Volume, at: [0.5; 2] }).is_err());
 }
 
+/// What was come to step by step looks as what the scene of it begins with.
+fn assert_as_reopened(model: &Model, at: &Path, after: &str) {
+    let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
+    let named = kept.naming(|file| file.strip_prefix(at).unwrap().to_owned()).unwrap();
+    let again = opened(at, &String::from_utf8(named.bytes).unwrap());
+    assert!(drawn(&again) == drawn(model), "after {after}");
+}
+
+#[test]
+fn labels_follow_whatever_is_done_to_the_body_also_where_it_is_done_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    begin(at);
+    let entries = Arc::<Mutex<Vec<Entry>>>::default();
+    let mut model = opened(at, SCENE);
+    let kept = entries.clone();
+    model.session_mut().record(move |entry| kept.lock().unwrap().push(entry.clone()));
+    for request in [
+        Request::Radius { handle: None, radius: 6.0 },
+        Request::Add { place: [16.0, 16.0, 20.0], by: [0.0, 0.0, 2.0] },
+        Request::Clip { point: [16.0, 16.0, 18.0], normal: [0.0, 0.0, -1.0] },
+        Request::Move { handle: 0, by: [0.0, 0.5, 1.0] },
+        Request::ClipIn { space: Lies::Rest },
+        Request::Move { handle: 0, by: [0.0, 0.0, 2.5] },
+        Request::Level { level: 1 },
+        Request::Undo,
+        Request::Undo,
+        Request::Redo,
+        Request::ClipBox { min: [10.0; 3], max: [30.0; 3] },
+        Request::Unclip { clip: 0 },
+        Request::Grab { pane: Pane::Axial, at: [0.5; 2] },
+        Request::Drag { to: [0.5, 0.45], lock: None },
+        Request::Abandon,
+        Request::Unclip { clip: 1 },
+    ] {
+        model.follow(&request).unwrap();
+        assert_eq!(model.figures().refused, None, "{request:?}");
+        if !model.session().in_gesture() {
+            assert_as_reopened(&model, at, &format!("{request:?}"));
+        }
+    }
+    model.follow(&Request::Clip { point: [16.0; 3], normal: [1.0, 0.0, 0.0] }).unwrap();
+    let entries = entries.lock().unwrap().clone();
+    let mut again = opened(at, SCENE);
+    again.replay(&entries).unwrap();
+    assert!(drawn(&again) == drawn(&model));
+}
+
 #[test]
 fn what_is_kept_names_labels_where_it_may_and_else_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -146,13 +194,15 @@ fn what_is_kept_names_labels_where_it_may_and_else_nothing() {
     let again = opened(at, &String::from_utf8(named.bytes).unwrap());
     assert_eq!(again.session().displacement(), model.session().displacement());
     assert_eq!(drawn(&again), drawn(&model));
+    let log = model.save(Saved::Log, format!("{}\n\"undo\"\n", Log::head(&text)), &Exec::default()).unwrap();
+    let named = log.naming(|file| Path::new("..").join(file.file_name().unwrap())).unwrap();
+    let log: Log = String::from_utf8(named.bytes).unwrap().parse().unwrap();
+    assert!(log.scene.contains("\"../Doe^John organs.nii.gz\"") && log.entries.len() == 1, "{}", log.scene);
     // Read by somebody who has put the files beside it.
     for (name, beside) in [("Doe^John.nii.gz", "scan.nii.gz"), ("Doe^John organs.nii.gz", "labels.nii.gz")] {
         std::fs::rename(at.join(name), at.join(beside)).unwrap();
     }
     assert_eq!(drawn(&opened(at, &text)), drawn(&model));
-    // The scene that other programs read makes the same of it.
-    assert!(scene::parse(&text, &[]).unwrap().input.labels.is_some());
 }
 
 #[test]

@@ -252,6 +252,36 @@ fn classes_look_otherwise_and_the_scene_says_so() {
 }
 
 #[test]
+fn transitions_go_with_what_a_scene_does_not_show_and_come_back_with_all() {
+    let shows = |show: &str| {
+        let by_classes = BALL.replace("[lattice]\niso = 127.5\n", "[segment]\nk = 6\n");
+        model(&by_classes.replace("mode = \"iso\"\niso = 127.5\n", show))
+    };
+    let drawn =
+        |model: &ivd_frames::Model| model.draw(ivd_frames::Pane::Volume, 1, &Exec::default()).unwrap();
+    let mut all = shows("");
+    let (first, classes) = (drawn(&all), all.figures().classes);
+    let [one, .., last] = &classes[..] else { panic!("{classes:?}") };
+    let between = all.figures().transitions;
+    assert!(!between.is_empty(), "{classes:?}");
+    // By hand, and as a scene says it.
+    all.follow(&Request::AllClasses { hidden: true }).unwrap();
+    let hidden = |model: &mut Model| model.figures().classes.iter().filter(|class| class.hidden).count();
+    assert_eq!(hidden(&mut all), classes.len());
+    all.follow(&Request::Class { class: last.id, hidden: false, opacity: None, colour: None }).unwrap();
+    let mut said = shows(&format!("show = [{}]\n", last.id));
+    assert!(drawn(&all) == drawn(&said) && drawn(&said) != first);
+    let kept = all.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
+    let kept = String::from_utf8(kept.bytes).unwrap();
+    assert!(kept.contains(&format!("show = [{}]", last.id)), "{kept}");
+    assert!(drawn(&super::common::model(&kept)) == drawn(&all));
+    said.follow(&Request::AllClasses { hidden: false }).unwrap();
+    assert!(drawn(&said) == first && one.id != last.id);
+    let no_classes = "mode = \"mip\"\n";
+    assert!(shows(no_classes).follow(&Request::AllClasses { hidden: true }).is_err());
+}
+
+#[test]
 fn what_was_done_is_done_again_to_what_is_made_otherwise_and_what_cannot_be_is_told() {
     let large = BALL.replace("size = 32", "size = 64");
     let entries = Arc::<Mutex<Vec<Entry>>>::default();

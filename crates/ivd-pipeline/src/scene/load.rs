@@ -7,8 +7,8 @@ use serde_json::{Map, Value as Json};
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
-use super::Scene;
 use super::stage_sections::{Written, stage_sections};
+use super::{InputFiles, Scene};
 use crate::Error;
 use crate::params::{from_toml, place_landmarks};
 
@@ -49,6 +49,14 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// Where the files of its input lie.
+    pub fn input_files(&self) -> InputFiles {
+        self.scene.input_files().renamed(|_, file| {
+            let file = self.folder.join(file);
+            std::path::absolute(&file).unwrap_or(file)
+        })
+    }
+
     /// The same with another value of a key.
     ///
     /// # Errors

@@ -1,10 +1,13 @@
 //! What is opened, shown meanwhile, told, recovered, and asked about.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use egui::Key;
 use egui_kittest::kittest::Queryable as _;
-use ivd_frames::{Figures, Source};
+use ivd_artefact::Cache;
+use ivd_core::{Artefact, Exec, Labels, Volume};
+use ivd_frames::{Figures, Source, Subject, Tell};
 
 use super::common::{BALL, Here, scene};
 use super::keyboard::{chosen, tab_to, typed};
@@ -12,6 +15,17 @@ use super::names::assert_named;
 
 fn folder() -> Arc<tempfile::TempDir> {
     Arc::new(tempfile::tempdir().unwrap())
+}
+
+/// The volume of the ball.
+fn ball(folder: &Path) -> Volume {
+    let opened = scene(folder, BALL).read().unwrap();
+    let (cache, exec, tell) = (Cache::disabled(), Exec::default(), Tell::default());
+    Subject::open(&opened.loaded, false, &cache, &exec, &tell).unwrap().volume
+}
+
+fn export(artefact: Artefact, file: &Path) {
+    ivd_pipeline::export(&artefact, file, &Exec::default()).unwrap();
 }
 
 #[test]
@@ -33,17 +47,8 @@ fn what_cannot_be_opened_is_told_with_what_to_do() {
 #[test]
 fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     let folder = folder();
-    let artefact = {
-        let ball = ivd_frames::Source { file: scene(folder.path(), BALL).file, ..Source::default() };
-        let opened = ball.read().unwrap();
-        let cache = ivd_artefact::Cache::disabled();
-        let exec = ivd_core::Exec::default();
-        let tell = ivd_frames::Tell::default();
-        let subject = ivd_frames::Subject::open(&opened.loaded, false, &cache, &exec, &tell).unwrap();
-        ivd_core::Artefact::Volume(subject.volume)
-    };
     let file = folder.path().join("scan.nii.gz");
-    ivd_pipeline::export(&artefact, &file, &ivd_core::Exec::default()).unwrap();
+    export(Artefact::Volume(ball(folder.path())), &file);
     let overrides = vec!["segment.k=3".parse().unwrap()];
     let mut here = Here::new(folder, Some(Source { file: Some(file), overrides, input: None }), None);
     here.settle();
@@ -100,6 +105,37 @@ fn what_a_crash_leaves_is_gone_on_from() {
     here.until("nothing is open", |here| here.has("Drop a scan or a scene here"));
     let mut here = Here::new(folder, Some(Source { file, ..Source::default() }), None);
     here.settle();
+}
+
+#[test]
+fn what_a_crash_leaves_of_a_scan_with_labels_is_gone_on_from() {
+    let folder = folder();
+    // Apart from the log.
+    let scans = folder.path().join("scans");
+    std::fs::create_dir(&scans).unwrap();
+    let volume = ball(folder.path());
+    let ids: Vec<u16> =
+        (0..volume.grid().len()).map(|voxel| volume.real(volume.voxels().get(voxel)) as u16 / 128).collect();
+    let labels = Labels::new(volume.grid().clone(), ids.into(), Vec::new()).unwrap();
+    export(Artefact::Volume(volume), &scans.join("scan.nii.gz"));
+    export(Artefact::Labels(labels), &scans.join("organs.nii.gz"));
+    let text = "schema = 1\n[input]\nfile = \"scan.nii.gz\"\nlabels = \"organs.nii.gz\"\n[boundary]\nclass = 1\n\
+        [refine]\nlevel = 1\n[output]\nimages = [\"before\"]\n";
+    let source = scene(&scans, text);
+    let mut here = Here::new(folder.clone(), Some(source.clone()), None);
+    here.settle();
+    here.press("Hide all classes");
+    here.told("none is drawn", |told| told.classes.iter().all(|class| class.hidden));
+    here.press("Show all classes");
+    here.told("all are drawn", |told| told.classes.iter().all(|class| !class.hidden));
+    here.press("Handle where the slices meet");
+    let told = here.told("a handle", |told| told.handles.len() == 1);
+    drop(here);
+    let mut here = Here::new(folder, Some(source), None);
+    here.until("it is asked", |here| here.has("An earlier window ended"));
+    here.press("Go on from there");
+    let again = here.told("the handle", |told| told.handles.len() == 1);
+    assert_eq!((&again.handles[0].rest, &again.classes), (&told.handles[0].rest, &told.classes));
 }
 
 #[test]

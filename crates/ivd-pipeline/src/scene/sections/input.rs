@@ -94,17 +94,23 @@ fn unit_spacing() -> [f64; 3] {
 }
 
 /// The files that an input is read from, by the keys that name them, and which series of one of them.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct InputFiles {
     /// The volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
     /// Labels that another program made of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub labels: Option<PathBuf>,
     /// A part that was drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<PathBuf>,
     /// The file whose grid is taken.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub grid_of: Option<PathBuf>,
     /// Which series of a folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub series: Option<String>,
 }
 
@@ -114,6 +120,11 @@ impl InputFiles {
         let Self { file, labels, start, grid_of, .. } = self;
         [("file", file), ("labels", labels), ("start", start), ("grid_of", grid_of)]
             .map(|(key, file)| (key, file.as_deref()))
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
     }
 
     /// The same files by other paths.
