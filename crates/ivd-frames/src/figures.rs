@@ -8,7 +8,7 @@ use ivd_session::ClipPart;
 use serde::Serialize;
 
 use crate::request::MapName;
-use crate::{Compared, Made, Overlay, Pane};
+use crate::{Compared, Made, Overlay, Pane, ShownBy};
 
 /// Sine of the angle to the line of sight from which on the way into a surface is seen aside (30°): nearer to it a drag along [`Axis::N`](crate::Axis::N) presses in by a way up,
 /// and pulls out by one down.
@@ -316,6 +316,8 @@ pub struct Figures {
     pub matter: Vec<Matter>,
     /// Whether classes are known.
     pub knows_classes: bool,
+    /// What the volume's picture goes by; classes are parts that a person gave where those are labels.
+    pub shown_by: ShownBy,
     /// How the voxels follow.
     pub map: &'static str,
     /// How the motion fades with depth; `None` where that isn't chosen.

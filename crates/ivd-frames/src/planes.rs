@@ -61,9 +61,9 @@ impl Planes {
         before.iter().zip(after).filter(|(a, b)| **a != *b).map(|(_, b)| b.0).collect()
     }
 
-    /// The middle of the voxel that they meet in (mm, RAS).
+    /// Where they meet (mm, RAS).
     pub(crate) fn place(&self, grid: &Grid) -> [f64; 3] {
-        let World(place) = grid.world(VoxelCoord(self.cross.map(f64::round).into()));
+        let World(place) = grid.world(VoxelCoord(self.cross.into()));
         place.into()
     }
 

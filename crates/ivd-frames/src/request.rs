@@ -80,6 +80,8 @@ pub enum Saved {
     Volume,
     /// The deformed volume, as NIfTI, with what planes and boxes take away.
     Whole,
+    /// Labels that a person gave, deformed, as NIfTI: 0 where planes and boxes take away.
+    Labels,
     /// The displacement from deformed to rest, as NRRD.
     Displacement,
     /// The deformed lattice, as PLY.

@@ -44,6 +44,14 @@ impl Model {
                 let volume = volume.clone().into_artefact();
                 written(name, &volume, ExportOptions::default(), exec)?
             }
+            Saved::Labels => {
+                let labels = self.session().shown_labels().ok_or_else(|| Error::Request {
+                    what: "save",
+                    problem: "it was opened without labels of its parts".to_owned(),
+                    remedy: "open it with labels (--labels FILE)",
+                })?;
+                written(name, &labels.clone().into_artefact(), ExportOptions::default(), exec)?
+            }
             Saved::Displacement => {
                 let field = self.session().displacement().clone().into_artefact();
                 written(name, &field, ExportOptions::default(), exec)?

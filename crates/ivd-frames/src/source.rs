@@ -19,6 +19,8 @@ pub struct Source {
     pub file: Option<PathBuf>,
     /// A scan in the place of the scene's.
     pub input: Option<PathBuf>,
+    /// Labels of it that another program made, in the place of the scene's.
+    pub labels: Option<PathBuf>,
     /// Other values of the scene's keys.
     pub overrides: Vec<Override>,
 }
@@ -64,17 +66,22 @@ impl Source {
             Some(file) if is_scene(file) => (scene::load(file, &self.overrides)?, false, Vec::new()),
             Some(file) => (bare_scene(file, &self.overrides)?, true, Vec::new()),
         };
+        // From here on they lie where they lie, not beside the scene.
         if let Some(input) = &self.input {
-            // From here on it lies where it lies, not beside the scene.
-            let input = std::path::absolute(input).map_err(|error| Error::Io {
-                what: "the scan",
-                problem: format!("{}: {error}", input.display()),
-            })?;
-            loaded.scene.input.file = Some(input);
+            loaded.scene.input.file = Some(absolute(input, "the scan")?);
             loaded.scene.input.phantom = None;
+        }
+        if let Some(labels) = &self.labels {
+            loaded.scene.input.labels = Some(absolute(labels, "the labels")?);
         }
         Ok(Opened { loaded, is_bare, entries })
     }
+}
+
+/// Where a file lies.
+fn absolute(file: &Path, what: &'static str) -> Result<PathBuf, Error> {
+    let problem = |error: std::io::Error| format!("{}: {error}", file.display());
+    std::path::absolute(file).map_err(|error| Error::Io { what, problem: problem(error) })
 }
 
 /// Whether a file of any name is a scene by its text: it says its schema before any section.

@@ -20,6 +20,7 @@ use ivd_render::{
     RenderParams, Surroundings,
 };
 use ivd_session::{Clip, ClipPart, ClipRule, MapChoice, Physics, Settings, numbered};
+use serde::Serialize;
 use serde_json::{Value as Json, json};
 
 use crate::bare::{above_background, leaves_part_open, says};
@@ -42,7 +43,8 @@ const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 const PLAIN: &str = "drawn without ambient occlusion and shadows, which the scene keeps";
 
 /// What tells in pictures what is to be seen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ShownBy {
     /// The scan's values.
     Values,

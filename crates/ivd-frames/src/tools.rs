@@ -151,8 +151,16 @@ impl SolverName {
 
 impl Saved {
     /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Scene, Self::Volume, Self::Whole, Self::Displacement, Self::Lattice, Self::Picture, Self::Log];
+    pub const ALL: [Self; 8] = [
+        Self::Scene,
+        Self::Volume,
+        Self::Whole,
+        Self::Labels,
+        Self::Displacement,
+        Self::Lattice,
+        Self::Picture,
+        Self::Log,
+    ];
 
     /// How it is called in a window.
     pub fn word(self) -> &'static str {
@@ -160,6 +168,7 @@ impl Saved {
             Self::Scene => "scene",
             Self::Volume => "deformed volume",
             Self::Whole => "deformed volume, unclipped",
+            Self::Labels => "deformed labels",
             Self::Displacement => "displacement",
             Self::Lattice => "lattice",
             Self::Picture => "picture",
@@ -172,6 +181,7 @@ impl Saved {
         match self {
             Self::Scene => "scene.toml",
             Self::Volume | Self::Whole => "deformed.nii.gz",
+            Self::Labels => "deformed-labels.nii.gz",
             Self::Displacement => "inverse.nrrd",
             Self::Lattice => "lattice.ply",
             Self::Picture => "picture.png",

@@ -1,7 +1,7 @@
 //! The bar at the top: menus, tools, steps.
 
 use egui::{Button, Context, KeyboardShortcut, Label, MenuBar, RichText, Ui};
-use ivd_frames::{Pane, Request, Saved, Shows, Tool};
+use ivd_frames::{Pane, Request, Saved, ShownBy, Shows, Tool};
 use ivd_render::Side;
 
 use crate::dialogs::Dialog;
@@ -94,6 +94,10 @@ impl Window {
         if item(ui, true, "Open a folder of slices …", None) {
             self.ask_for(Purpose::Open { folder: true }, ui.ctx());
         }
+        let is_scan = self.work.as_ref().is_some_and(|work| work.files.file.is_some() && !work.is_last);
+        if item(ui, is_scan, "Open labels of this scan …", None) {
+            self.ask_for(Purpose::Labels, ui.ctx());
+        }
         if item(ui, true, "Open the demo", None) {
             self.open(ivd_frames::Source::default(), ui.ctx());
         }
@@ -101,7 +105,8 @@ impl Window {
         for what in Saved::ALL.into_iter().filter(|what| *what != Saved::Whole) {
             let (verb, keys) =
                 if what == Saved::Scene { ("Save", Some(&keys::SAVE)) } else { ("Export", None) };
-            if item(ui, is_shown, &format!("{verb} {} …", what.word()), keys) {
+            let is_there = is_shown && (what != Saved::Labels || self.is_labelled());
+            if item(ui, is_there, &format!("{verb} {} …", what.word()), keys) {
                 self.export(what, ui.ctx());
             }
         }
@@ -116,6 +121,10 @@ impl Window {
         if item(ui, true, "Quit", Some(&keys::QUIT)) {
             quit(ui.ctx());
         }
+    }
+
+    fn is_labelled(&self) -> bool {
+        self.shown.figures().is_some_and(|figures| figures.shown_by == ShownBy::Labels)
     }
 
     fn edit_menu(&mut self, ui: &mut Ui) {

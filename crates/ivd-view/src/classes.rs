@@ -19,7 +19,7 @@ impl Window {
         }
         ui.heading("Classes").on_hover_text(ABOUT);
         if !figures.classes.is_empty() {
-            ui.weak("drawn, colour, opacity, values, volume");
+            ui.weak("drawn, colour, opacity, volume, values");
             ui.horizontal(|ui| self.all_classes(ui, figures));
         }
         let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
@@ -61,9 +61,9 @@ impl Window {
         let slider = Slider::new(&mut share, 0.0..=1.0).show_value(false);
         let slid = ui.add_enabled(is_seen, slider).accessible_name(format!("Opacity of class {id}"));
         let slid = slid.on_hover_text(format!("opacity {opacity:.3}"));
-        let much = ml.map_or_else(String::new, |ml| format!(", {} ml", rounded(ml)));
+        let much = ml.map_or_else(String::new, |ml| format!("{} ml, ", rounded(ml)));
         let named = name.as_ref().map_or_else(String::new, |name| format!("{name}: "));
-        let told = format!("{named}{low:.0} to {high:.0}{much}");
+        let told = format!("{named}{much}{low:.0} to {high:.0}");
         ui.add(Label::new(RichText::new(told).weak()).truncate());
         if seen.changed() || coloured.changed() || slid.changed() {
             let [red, green, blue] = rgb;

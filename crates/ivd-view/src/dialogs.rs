@@ -18,6 +18,8 @@ use crate::work::Begins;
 pub(crate) enum Dialog {
     /// What to open.
     Open { path: String },
+    /// Labels of what is open.
+    Labels { path: String },
     /// Whether the deformed volume is kept without what planes and boxes take away.
     Export { without: bool },
     /// Where to keep something.
@@ -90,6 +92,7 @@ impl Window {
     fn answered(&mut self, dialog: Dialog, context: &Context) {
         match dialog {
             Dialog::Open { path } => self.open(source(Path::new(path.trim())), context),
+            Dialog::Labels { path } => self.open_labels(PathBuf::from(path.trim()), context),
             Dialog::Export { without } => {
                 let what = if without { Saved::Volume } else { Saved::Whole };
                 self.ask_for(Purpose::Keep(Keeps::Asked(what)), context);
@@ -159,15 +162,19 @@ impl Window {
     /// Asks for a path to be typed.
     pub(crate) fn ask_by_typing(&mut self, purpose: Purpose) {
         self.dialog = Some(match purpose {
-            Purpose::Open { .. } => {
-                let folder = self.layout.folder.as_ref().map(|folder| format!("{}/", folder.display()));
-                Dialog::Open { path: folder.unwrap_or_default() }
-            }
+            Purpose::Open { .. } => Dialog::Open { path: self.folder_typed() },
+            Purpose::Labels => Dialog::Labels { path: self.folder_typed() },
             Purpose::Keep(what) => {
                 let path = self.offered(what.name());
                 Dialog::Keep { what, path, was: Was::New }
             }
         });
+    }
+
+    /// How a path begins that is typed.
+    fn folder_typed(&self) -> String {
+        let folder = self.layout.folder.as_ref().map(|folder| format!("{}/", folder.display()));
+        folder.unwrap_or_default()
     }
 
     /// Where something is kept unless another place is said.
@@ -218,6 +225,7 @@ impl Dialog {
     fn number(&self) -> u8 {
         match self {
             Self::Open { .. } => 0,
+            Self::Labels { .. } => 11,
             Self::Keep { was: Was::New, .. } => 1,
             Self::Keep { was: Was::There(_), .. } => 2,
             Self::Keep { was: Was::Nowhere, .. } => 10,
@@ -236,6 +244,11 @@ impl Dialog {
             Self::Open { path } => {
                 ui.heading("Open");
                 ui.label("A scan (NIfTI, NRRD, MetaImage, TIFF, VTI, a folder of slices …), a scene (.toml), a log (.jsonl), or the word demo. A file that is dropped into the window is opened too.");
+                typed(ui, path, "Path", "Open", false)
+            }
+            Self::Labels { path } => {
+                ui.heading("Open labels of this scan");
+                ui.label("Labels that another program made of it: a whole number for every voxel, 0 where there is no part. The scan is opened once more, in parts by them.");
                 typed(ui, path, "Path", "Open", false)
             }
             Self::Export { without } => {

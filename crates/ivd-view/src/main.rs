@@ -18,6 +18,8 @@ use ivd_view::{Options, run, source};
 const AFTER: &str = "\
   ivd-view demo           a generated head, with a handle on its nose
   ivd-view scan.nii.gz    a scan: slices at once, the rest as soon as it is made
+  ivd-view ct.nii.gz --labels organs.nii.gz --set boundary.class=5
+                          a scan with its organs, of which 5 is the one that moves
 
 In the window: choose Handle (H) and drag a surface in any picture; Look inside, under Clip,
 cuts the volume's picture open; Ctrl+Z undoes; File saves a scene, which opens again here and in
@@ -33,6 +35,9 @@ struct Words {
     /// Use this scan instead of the scene's.
     #[arg(long, value_name = "FILE", requires = "file")]
     input: Option<PathBuf>,
+    /// Labels of the scan by another program, such as a file of organs; boundary.class says which of them moves.
+    #[arg(long, value_name = "FILE", requires = "file")]
+    labels: Option<PathBuf>,
     /// Override a key of the scene, or of the default scene that a bare scan is opened with, such as lattice.iso=60.
     #[arg(long = "set", value_name = "stage.key=value", requires = "file")]
     overrides: Vec<Override>,
@@ -84,7 +89,7 @@ fn window(words: Words) -> Result<(), (ErrorClass, String)> {
         Some(folder) => Cache::open(&folder).map_err(|error| (error.error_class(), error.to_string()))?,
         None => Cache::disabled(),
     };
-    let source =
-        words.file.map(|file| Source { input: words.input, overrides: words.overrides, ..source(&file) });
+    let (input, labels, overrides) = (words.input, words.labels, words.overrides);
+    let source = words.file.map(|file| Source { input, labels, overrides, ..source(&file) });
     run(Options::new(exec, cache), source).map_err(|error| (error.error_class(), error.to_string()))
 }

@@ -1,6 +1,6 @@
 //! What is opened and closed, and what would be lost by it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use egui::{Context, ViewportCommand};
 use ivd_frames::Source;
@@ -37,6 +37,17 @@ impl Window {
             Some(left) => self.dialog = Some(Dialog::Recover { left, source }),
             None => self.begin(&source, Begins::Anew, context),
         }
+    }
+
+    /// Opens what is open once more, with labels of it.
+    pub(crate) fn open_labels(&mut self, labels: PathBuf, context: &Context) {
+        let Some(work) = &self.work else { return };
+        // What was said of classes that values gave isn't of these.
+        let overrides = work.source.overrides.iter();
+        let overrides =
+            overrides.filter(|one| one.path.first().is_none_or(|stage| stage != "boundary")).cloned();
+        let source = Source { labels: Some(labels), overrides: overrides.collect(), ..work.source.clone() };
+        self.open(source, context);
     }
 
     /// Opens something in the background.

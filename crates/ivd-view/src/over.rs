@@ -321,10 +321,14 @@ impl Over<'_> {
     /// The classes by their colours, as far as there is room.
     fn chips(&self, figures: &Figures, corner: Pos2) {
         let mut at = corner;
-        for class in figures.classes.iter().filter(|class| !class.hidden) {
-            if at.x + CHIP > self.rect.right() {
-                break;
-            }
+        let shown: Vec<_> = figures.classes.iter().filter(|class| !class.hidden).collect();
+        // To the right lies what tells how long something is.
+        let room = ((self.rect.right() - 110.0 - corner.x) / CHIP).max(1.0) as usize;
+        if shown.len() > room {
+            let more = format!("+ {}", shown.len() - room);
+            self.write(corner + vec2(CHIP * room as f32, 5.0), Align2::LEFT_CENTER, more, LETTERS, TEXT);
+        }
+        for class in shown.into_iter().take(room) {
             let colour = Color32::from_hex(&class.colour).unwrap_or(TEXT);
             let chip = Rect::from_min_size(at, vec2(10.0, 10.0));
             self.painter.rect_filled(chip, 2.0, colour);

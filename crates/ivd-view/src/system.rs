@@ -100,7 +100,11 @@ fn path(handle: impl Future<Output = Option<rfd::FileHandle>> + Send + 'static) 
 /// What is done with a path.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Purpose {
-    Open { folder: bool },
+    Open {
+        folder: bool,
+    },
+    /// Labels of what is open.
+    Labels,
     Keep(Keeps),
 }
 
@@ -120,6 +124,11 @@ impl Window {
                     if folder { (Kind::Folder, "Open a folder of slices") } else { (Kind::File, "Open") };
                 Wanted { title: title.to_owned(), kind, at: self.layout.folder.clone().unwrap_or_default() }
             }
+            Purpose::Labels => Wanted {
+                title: "Open labels of this scan".to_owned(),
+                kind: Kind::File,
+                at: self.layout.folder.clone().unwrap_or_default(),
+            },
             Purpose::Keep(what) => {
                 let at = self.offered(what.name()).into();
                 Wanted { title: format!("Save {}", what.word()), kind: Kind::New, at }
@@ -162,6 +171,7 @@ impl Window {
         match answer {
             Err(purpose) => self.ask_by_typing(purpose),
             Ok((Purpose::Open { .. }, Some(path))) => self.open(source(&path), context),
+            Ok((Purpose::Labels, Some(path))) => self.open_labels(path, context),
             // What would be replaced was asked about there.
             Ok((Purpose::Keep(what), Some(path))) => self.keep(what, path, true, context),
             Ok((_, None)) => self.waits = None,

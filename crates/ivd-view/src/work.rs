@@ -194,7 +194,8 @@ impl Work {
 /// What a log that was left over is of, as it was opened.
 fn of_left(left: &Left) -> Source {
     let overrides = left.with.iter().flatten().filter_map(|word| word.parse().ok()).collect();
-    Source { file: left.of.clone(), input: left.files.file.clone(), overrides }
+    let InputFiles { file, labels, .. } = left.files.clone();
+    Source { file: left.of.clone(), input: file, labels, overrides }
 }
 
 /// Values of keys, as they are typed.

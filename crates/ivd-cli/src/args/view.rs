@@ -12,6 +12,9 @@ pub(crate) struct ViewArgs {
     /// Use this scan instead of the scene's.
     #[arg(long, value_name = "FILE", requires = "file")]
     pub(crate) input: Option<PathBuf>,
+    /// Labels of the scan by another program, such as a file of organs; boundary.class says which of them moves.
+    #[arg(long, value_name = "FILE", requires = "file")]
+    pub(crate) labels: Option<PathBuf>,
     /// Override a key of the scene, or of the default scene that a bare scan is opened with, such as lattice.iso=60.
     #[arg(long = "set", value_name = "stage.key=value", requires = "file")]
     pub(crate) overrides: Vec<Override>,

@@ -213,7 +213,7 @@ fn source(args: &Args) -> anyhow::Result<ivd_frames::Source> {
     let level = args.input.as_ref().map(|_| "refine.level=2".to_owned());
     let overrides = iso.into_iter().chain(level).map(|key| key.parse().map_err(Failure::usage));
     let overrides = overrides.collect::<Result<_, _>>()?;
-    Ok(ivd_frames::Source { file: args.input.clone(), input: None, overrides })
+    Ok(ivd_frames::Source { file: args.input.clone(), overrides, ..ivd_frames::Source::default() })
 }
 
 /// Makes a folder for what was measured.

@@ -16,7 +16,8 @@ const SIZE: [usize; 2] = [512; 2];
 
 /// Serves until it is interrupted.
 pub(super) fn run(args: ServeArgs, context: &Context) -> anyhow::Result<()> {
-    let source = Source { file: args.file, input: args.input, overrides: args.overrides };
+    let source =
+        Source { file: args.file, input: args.input, labels: args.labels, overrides: args.overrides };
     let Opened { loaded, is_bare, entries } = source.read().map_err(|error| failed(&error))?;
     let place = args.socket.map_or(Place::Port(args.port), Place::Socket);
     let (cache, exec) = (context.pipeline_cache()?, context.exec.clone());

@@ -12,6 +12,7 @@ pub(super) fn run(args: ViewArgs, context: &Context) -> anyhow::Result<()> {
     let options = ivd_view::Options::new(context.exec.clone(), context.pipeline_cache()?);
     let source = args.file.map(|file| ivd_frames::Source {
         input: args.input,
+        labels: args.labels,
         overrides: args.overrides,
         ..ivd_view::source(&file)
     });

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::Model;
 use crate::colours::{Turned, Window};
 use crate::figures::Class;
-use crate::{Error, Overlay, Pane, Request, Subject};
+use crate::{Error, Overlay, Pane, Request, ShownBy, Subject};
 
 /// A mm³ (ml).
 const MILLILITRE: f64 = 1e-3;
@@ -226,7 +226,8 @@ impl Model {
             let voxel = self.session.rest().grid().voxel_volume();
             let by_value = || {
                 let mean = known.map_or(f64::midpoint(entry.lower, entry.upper), |known| known.mean);
-                self.subject.is_tomography.then(|| matter_of_hounsfield(mean).to_owned())
+                let tells = self.subject.is_tomography && self.subject.shown_by == ShownBy::Values;
+                tells.then(|| matter_of_hounsfield(mean).to_owned())
             };
             Class {
                 id: entry.class,
@@ -238,7 +239,12 @@ impl Model {
                 colour: look.colour.unwrap_or_else(|| format!("#{red:02x}{green:02x}{blue:02x}")),
             }
         });
-        classes.collect()
+        let mut classes: Vec<Class> = classes.collect();
+        if self.subject.shown_by == ShownBy::Labels {
+            // As the list of who made them goes.
+            classes.sort_by_key(|class| class.id);
+        }
+        classes
     }
 
     /// Classes that are only the transition between others.

@@ -65,6 +65,7 @@ impl Figures {
             stiffness_counts,
             matter: model.matter(),
             knows_classes: model.subject.labels.is_some(),
+            shown_by: model.subject.shown_by,
             map,
             depth: model.depth(),
             largest_mm: last.largest_mm,

@@ -186,6 +186,7 @@ fn what_is_kept_names_labels_where_it_may_and_else_nothing() {
     model.follow(&Request::Radius { handle: None, radius: 6.0 }).unwrap();
     model.follow(&Request::Add { place: [16.0, 16.0, 20.0], by: [0.0, 0.0, 2.0] }).unwrap();
     model.follow(&Request::Look { side: Side::Left }).unwrap();
+    model.follow(&Request::Cross { pane: Pane::Axial, at: [0.33, 0.41] }).unwrap();
     let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
     let text = String::from_utf8(kept.bytes.clone()).unwrap();
     assert!(text.contains("\"scan.nii.gz\"") && text.contains("\"labels.nii.gz\""), "{text}");
@@ -194,6 +195,20 @@ fn what_is_kept_names_labels_where_it_may_and_else_nothing() {
     let again = opened(at, &String::from_utf8(named.bytes).unwrap());
     assert_eq!(again.session().displacement(), model.session().displacement());
     assert_eq!(drawn(&again), drawn(&model));
+    let mut again = again;
+    let (is, was) = (again.figures().cross, model.figures().cross);
+    assert!((0..3).all(|a| (is[a] - was[a]).abs() < 1e-9), "{is:?}, {was:?}");
+
+    // Labels are written as they are shown.
+    let labels = model.save(Saved::Labels, String::new(), &Exec::default()).unwrap();
+    std::fs::write(at.join(labels.name), &labels.bytes).unwrap();
+    let beside = SCENE.replace("Doe^John organs.nii.gz", labels.name);
+    let read = opened(at, &beside).subject().labels.clone().unwrap();
+    assert!(Some(read.ids()) == model.session().shown_labels().map(Labels::ids));
+    assert!(read.ids() != model.subject().labels.as_ref().unwrap().ids());
+    let by_values = SCENE.replace("labels = \"Doe^John organs.nii.gz\"\n", "");
+    let by_values = opened(at, &by_values.replace("[boundary]\nclass = 2\n", "[lattice]\niso = 100.0\n"));
+    assert!(by_values.save(Saved::Labels, String::new(), &Exec::default()).is_err());
     let log = model.save(Saved::Log, format!("{}\n\"undo\"\n", Log::head(&text)), &Exec::default()).unwrap();
     let named = log.naming(|file| Path::new("..").join(file.file_name().unwrap())).unwrap();
     let log: Log = String::from_utf8(named.bytes).unwrap().parse().unwrap();

@@ -7,7 +7,7 @@ use egui::Key;
 use egui_kittest::kittest::Queryable as _;
 use ivd_artefact::Cache;
 use ivd_core::{Artefact, Exec, Labels, Volume};
-use ivd_frames::{Figures, Source, Subject, Tell};
+use ivd_frames::{Figures, ShownBy, Source, Subject, Tell};
 
 use super::common::{BALL, Here, scene};
 use super::keyboard::{chosen, tab_to, typed};
@@ -24,8 +24,8 @@ fn ball(folder: &Path) -> Volume {
     Subject::open(&opened.loaded, false, &cache, &exec, &tell).unwrap().volume
 }
 
-fn export(artefact: Artefact, file: &Path) {
-    ivd_pipeline::export(&artefact, file, &Exec::default()).unwrap();
+fn export(artefact: &Artefact, file: &Path) {
+    ivd_pipeline::export(artefact, file, &Exec::default()).unwrap();
 }
 
 #[test]
@@ -48,9 +48,9 @@ fn what_cannot_be_opened_is_told_with_what_to_do() {
 fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     let folder = folder();
     let file = folder.path().join("scan.nii.gz");
-    export(Artefact::Volume(ball(folder.path())), &file);
+    export(&Artefact::Volume(ball(folder.path())), &file);
     let overrides = vec!["segment.k=3".parse().unwrap()];
-    let mut here = Here::new(folder, Some(Source { file: Some(file), overrides, input: None }), None);
+    let mut here = Here::new(folder, Some(Source { file: Some(file), overrides, ..Source::default() }), None);
     here.settle();
     for chosen in
         ["chosen at opening: the part", "chosen at opening: the material", "chosen at opening: level"]
@@ -117,8 +117,11 @@ fn what_a_crash_leaves_of_a_scan_with_labels_is_gone_on_from() {
     let ids: Vec<u16> =
         (0..volume.grid().len()).map(|voxel| volume.real(volume.voxels().get(voxel)) as u16 / 128).collect();
     let labels = Labels::new(volume.grid().clone(), ids.into(), Vec::new()).unwrap();
-    export(Artefact::Volume(volume), &scans.join("scan.nii.gz"));
-    export(Artefact::Labels(labels), &scans.join("organs.nii.gz"));
+    let (file, organs) = (scans.join("scan.nii.gz"), scans.join("organs.nii.gz"));
+    export(&Artefact::Volume(volume), &file);
+    export(&Artefact::Labels(labels), &organs);
+    let overrides = vec!["segment.k=3".parse().unwrap()];
+    let alone = Source { file: Some(file), overrides, ..Source::default() };
     let text = "schema = 1\n[input]\nfile = \"scan.nii.gz\"\nlabels = \"organs.nii.gz\"\n[boundary]\nclass = 1\n\
         [refine]\nlevel = 1\n[output]\nimages = [\"before\"]\n";
     let source = scene(&scans, text);
@@ -131,10 +134,18 @@ fn what_a_crash_leaves_of_a_scan_with_labels_is_gone_on_from() {
     here.press("Handle where the slices meet");
     let told = here.told("a handle", |told| told.handles.len() == 1);
     drop(here);
-    let mut here = Here::new(folder, Some(source), None);
+    let mut here = Here::new(folder.clone(), Some(source), None);
     here.until("it is asked", |here| here.has("An earlier window ended"));
     here.press("Go on from there");
     let again = here.told("the handle", |told| told.handles.len() == 1);
+    drop(here);
+    // Of a scan that is open labels can be opened, too.
+    let mut here = Here::new(Arc::new(tempfile::tempdir().unwrap()), Some(alone), None);
+    here.told("values", |told| told.shown_by == ShownBy::Values);
+    here.press("File");
+    here.press("Open labels of this scan …");
+    type_into(&mut here, "Path", &organs.display().to_string());
+    here.told("labels", |told| told.shown_by == ShownBy::Labels);
     assert_eq!((&again.handles[0].rest, &again.classes), (&told.handles[0].rest, &told.classes));
 }
 
