@@ -1,6 +1,8 @@
+use std::sync::OnceLock;
+
 use serde::{Deserialize, Serialize};
 
-use crate::{Buffer, Error, Grid, Volume};
+use crate::{BRICK, BrickIndex, Buffer, Error, Grid, Volume, parallel};
 
 /// Label of a voxel that is no data.
 pub const NO_DATA: u16 = 0;
@@ -25,11 +27,19 @@ pub struct Class {
 }
 
 /// A label for every voxel, and what the labels mean.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Labels {
     grid: Grid,
     ids: Buffer<u16>,
     classes: Vec<Class>,
+    /// See [`Labels::of_bricks`].
+    of_bricks: OnceLock<Vec<Option<u16>>>,
+}
+
+impl PartialEq for Labels {
+    fn eq(&self, other: &Self) -> bool {
+        self.grid == other.grid && self.ids == other.ids && self.classes == other.classes
+    }
 }
 
 impl Labels {
@@ -53,7 +63,7 @@ impl Labels {
                 });
             }
         }
-        Ok(Self { grid, ids, classes })
+        Ok(Self { grid, ids, classes, of_bricks: OnceLock::new() })
     }
 
     /// Refuses what is said of a class that there isn't; [`NO_DATA`] any labels may have.
@@ -129,7 +139,57 @@ impl Labels {
     /// The labels, to be changed: copied first where somebody else holds them. Whoever changes them says how many voxels the classes have then
     /// ([`Labels::count`]).
     pub fn ids_mut(&mut self) -> &mut [u16] {
+        self.of_bricks = OnceLock::new();
         self.ids.make_mut()
+    }
+
+    /// Changes labels that lie in blocks of [`BRICK`]³ voxels (linear indices, as those of bricks), and no others: as [`Labels::ids_mut`], but what is known of
+    /// bricks stays so, and that of the blocks is found anew.
+    pub fn change_blocks<R>(&mut self, blocks: &[usize], change: impl FnOnce(&mut [u16]) -> R) -> R {
+        // Nobody sees what was where the change doesn't come to its end.
+        let known = self.of_bricks.take();
+        let changed = change(self.ids.make_mut());
+        if let Some(mut known) = known {
+            let bricks = BrickIndex::dims_for(self.grid.dims());
+            for &block in blocks {
+                let at = [block % bricks[0], block / bricks[0] % bricks[1], block / bricks[0] / bricks[1]];
+                // Those before it reach into it.
+                let [xs, ys, zs] = at.map(|c| c.saturating_sub(1)..=c);
+                for (z, y, x) in zs.flat_map(|z| {
+                    let xs = xs.clone();
+                    ys.clone().flat_map(move |y| xs.clone().map(move |x| (z, y, x)))
+                }) {
+                    known[x + bricks[0] * (y + bricks[1] * z)] = self.only_label([x, y, z]);
+                }
+            }
+            let _ = self.of_bricks.set(known);
+        }
+        changed
+    }
+
+    /// For each brick (linear, x fastest) the label that all its voxels have, with those of the layer behind it along each axis, which samples between voxels
+    /// reach; `None` where there are several. Found once.
+    pub fn of_bricks(&self) -> &[Option<u16>] {
+        self.of_bricks.get_or_init(|| {
+            let bricks = BrickIndex::dims_for(self.grid.dims());
+            let layer = bricks[0] * bricks[1];
+            let mut only = vec![None; layer * bricks[2]];
+            parallel::for_each_piece_mut(&mut only, layer, &|bz, only| {
+                for (brick, only) in only.iter_mut().enumerate() {
+                    *only = self.only_label([brick % bricks[0], brick / bricks[0], bz]);
+                }
+            });
+            only
+        })
+    }
+
+    fn only_label(&self, [bx, by, bz]: [usize; 3]) -> Option<u16> {
+        let [nx, ny, nz] = self.grid.dims();
+        let [xs, ys, zs] = [(bx, nx), (by, ny), (bz, nz)].map(|(b, n)| BRICK * b..n.min(BRICK * (b + 1) + 1));
+        let first = self.ids[xs.start + nx * (ys.start + ny * zs.start)];
+        let mut rows = zs.flat_map(|z| ys.clone().map(move |y| nx * (y + ny * z)));
+        let is_only = rows.all(|row| self.ids[row + xs.start..row + xs.end].iter().all(|&id| id == first));
+        is_only.then_some(first)
     }
 
     /// Says anew how many voxels each class has.
@@ -151,6 +211,30 @@ impl Labels {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_known_of_bricks_goes_along_with_what_changes() {
+        let grid = Grid::with_spacing([19, 9, 17], [1.0; 3]).unwrap();
+        let ids: Vec<u16> = (0..grid.len()).map(|voxel| u16::from(voxel % 19 > 16)).collect();
+        let mut labels = Labels::new(grid.clone(), ids.into(), Vec::new()).unwrap();
+        // A layer beyond a brick counts as its own.
+        assert_eq!(labels.of_bricks()[..3], [Some(0), Some(0), None]);
+        let at = |[x, y, z]: [usize; 3]| x + 19 * (y + 9 * z);
+        for (blocks, voxel, id) in [
+            (vec![10], [8, 8, 8], 5),
+            (vec![10], [8, 8, 8], 0),
+            (vec![13, 17], [18, 8, 16], 7),
+            (vec![0], [0; 3], 2),
+        ] {
+            let changed = labels.change_blocks(&blocks, |ids| std::mem::replace(&mut ids[at(voxel)], id));
+            assert_ne!(changed, id);
+            let plain = Labels::new(grid.clone(), labels.ids().to_vec().into(), Vec::new()).unwrap();
+            assert_eq!(labels.of_bricks(), plain.of_bricks(), "{voxel:?}");
+            assert_eq!(labels, plain);
+        }
+        labels.ids_mut().fill(3);
+        assert!(labels.of_bricks().iter().all(|only| *only == Some(3)));
+    }
     use crate::Voxels;
 
     #[test]

@@ -1,33 +1,24 @@
-use ivd_core::{BRICK, BrickIndex, BrickRange};
+use ivd_core::{BRICK, BrickIndex, BrickRange, Labels};
 use rayon::prelude::*;
 
 use crate::classify::Classifier;
 use crate::warp::Warp;
 
 /// For each brick, the set of rows that its voxels' labels choose (bits of [`Classifier::row_bit`]).
-pub(crate) fn rows_of_bricks(dims: [usize; 3], ids: &[u16], classifier: &Classifier) -> Vec<u64> {
+pub(crate) fn rows_of_bricks(labels: &Labels, classifier: &Classifier) -> Vec<u64> {
+    let (dims, ids) = (labels.grid().dims(), labels.ids());
     let bricks = BrickIndex::dims_for(dims);
     let bits: Vec<u64> = (0..=u16::MAX).map(|id| classifier.row_bit(id)).collect();
-    (0..bricks[2])
-        .into_par_iter()
-        .flat_map_iter(|bz| {
-            let mut rows = vec![0_u64; bricks[0] * bricks[1]];
-            for z in bz * BRICK..(bz * BRICK + BRICK + 1).min(dims[2]) {
-                for y in 0..dims[1] {
-                    let line = &ids[dims[0] * (y + dims[1] * z)..][..dims[0]];
-                    let own = y / BRICK;
-                    let below = if y % BRICK == 0 { own.saturating_sub(1) } else { own };
-                    for bx in 0..bricks[0] {
-                        let strip = &line[bx * BRICK..(bx * BRICK + BRICK + 1).min(dims[0])];
-                        let set = strip.iter().fold(0, |set, &id| set | bits[usize::from(id)]);
-                        rows[bx + bricks[0] * own] |= set;
-                        rows[bx + bricks[0] * below] |= set;
-                    }
-                }
-            }
-            rows
-        })
-        .collect()
+    let bit = |id: u16| bits[usize::from(id)];
+    let of_all = |brick: usize| {
+        let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+        let [xs, ys, zs] = [0, 1, 2].map(|a| at[a] * BRICK..(at[a] * BRICK + BRICK + 1).min(dims[a]));
+        let rows = zs.flat_map(|z| ys.clone().map(move |y| dims[0] * (y + dims[1] * z)));
+        let labels = rows.flat_map(|row| &ids[row + xs.start..row + xs.end]);
+        labels.fold(0, |set, &id| set | bit(id))
+    };
+    let only = labels.of_bricks().par_iter().enumerate();
+    only.map(|(brick, only)| only.map_or_else(|| of_all(brick), bit)).collect()
 }
 
 /// The range of a brick without data.

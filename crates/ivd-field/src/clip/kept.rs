@@ -154,7 +154,7 @@ impl KeptLabels {
         let region = region(&made, displacement);
         let job = Job { region: &region, bricks: &again, background: f64::from(NO_DATA), skip: exec.skip };
         let before = ids_of(self.output.ids(), displacement, &again);
-        exec.run(|| job.run(labels.ids(), self.output.ids_mut()));
+        exec.run(|| self.output.change_blocks(&again, |ids| job.run(labels.ids(), ids)));
         let after = ids_of(self.output.ids(), displacement, &again);
         let mut classes = self.output.classes().to_vec();
         recount(&before, &after, &mut classes);

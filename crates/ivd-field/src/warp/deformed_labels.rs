@@ -57,8 +57,9 @@ impl DeformedLabels {
             simd: exec.simd,
         };
         let before = ids_of(self.output.ids(), displacement, bricks);
-        let ids = self.output.ids_mut();
-        let computed = exec.run(|| Ok::<_, Error>(job.run(labels.ids(), ids)))?;
+        let output = &mut self.output;
+        let computed =
+            exec.run(|| output.change_blocks(bricks, |ids| Ok::<_, Error>(job.run(labels.ids(), ids))))?;
         for (before, after) in before.iter().zip(ids_of(self.output.ids(), displacement, bricks)) {
             self.gained[usize::from(*before)] -= 1;
             self.gained[usize::from(after)] += 1;

@@ -1,6 +1,6 @@
 //! What of a scene is found before a view is known: looks, bounds, what is empty, and what a picture holds.
 
-use ivd_core::{BrickRange, Exec, Labels, Lattice, TransferFunction};
+use ivd_core::{BrickRange, Exec, Lattice, TransferFunction};
 
 use crate::camera::{centre, step_mm};
 use crate::classify::{Classifier, Rows};
@@ -66,8 +66,7 @@ impl Prepared<'_> {
         let index = self.scene.volume.bricks();
         let range = index.total().map_or([0.0; 2], |(lo, hi)| [self.fast(lo), self.fast(hi)]);
         let step = step_mm(self.scene.volume.grid(), &self.params) / transfer.reference_mm();
-        let ids = self.scene.labels.map_or(&[][..], Labels::ids);
-        let rows = match (ids.is_empty(), self.scene.unlabelled) {
+        let rows = match (self.scene.labels.is_none(), self.scene.unlabelled) {
             (true, _) => Rows::Union,
             (false, false) => Rows::Labelled,
             (false, true) => Rows::LabelledOrUnion,
@@ -79,9 +78,9 @@ impl Prepared<'_> {
         let classifier = Classifier::new(transfer, range, real, step, rows);
         if self.params.skip || self.params.fit == Fit::Visible {
             exec.check_cancelled()?;
-            let dims = self.scene.volume.grid().dims();
+            let labels = self.scene.labels;
             let rows =
-                if ids.is_empty() { vec![1; index.len()] } else { rows_of_bricks(dims, ids, &classifier) };
+                labels.map_or_else(|| vec![1; index.len()], |labels| rows_of_bricks(labels, &classifier));
             let clear = |(range, &rows): (BrickRange, &u64)| classifier.is_clear(range, self.shift, rows);
             let empty: Vec<bool> = self.ranges().zip(&rows).map(clear).collect();
             self.hold(&empty.iter().map(|empty| !empty).collect::<Vec<_>>());
