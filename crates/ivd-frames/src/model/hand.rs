@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use ivd_core::NO_DATA;
 use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
@@ -10,7 +11,7 @@ use super::{Drag, Model, no_more_than, nothing_there, sheet};
 use crate::figures::{Hovered, Refused, Spot, value_at};
 use crate::panes::Across;
 use crate::request::MOST_HANDLES;
-use crate::{Axis, Error, Pane, SEEN_ASIDE};
+use crate::{Axis, Error, Pane, SEEN_ASIDE, ShownBy};
 
 /// A handle is taken hold of from so far away (shares of the pane).
 const NEAR: f64 = 0.025;
@@ -18,6 +19,8 @@ const NEAR: f64 = 0.025;
 const LEAST_SHARE: f64 = 0.02;
 /// Of a way that is longer than this share of the radius no more is tried to be gone at once.
 const FARTHEST: f64 = 0.5;
+/// What lies in another part is meant to be of the one that moves where that is no farther than so many voxel diagonals.
+const BESIDE: f64 = 2.0;
 /// So often what is held is tried to come closer at a time.
 const TRIES: usize = 4;
 /// An axis that is seen this nearly end on can't be dragged along (squared sine).
@@ -109,8 +112,11 @@ impl Model {
         } else {
             no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
             let [_, Some(place)] = self.look_through(pane, at)? else { return Err(nothing_there("grab")) };
-            let handle =
-                Handle { at: self.anchor(pane, place), action: Action::Move([0.0; 3]), radius: self.radius };
+            let handle = Handle {
+                at: self.anchor("handle", pane, place)?,
+                action: Action::Move([0.0; 3]),
+                radius: self.radius,
+            };
             self.session.begin("drag a new handle")?;
             self.apply(Event::Add { id: None, handle })?;
             let Some(added) = self.session.settings().handles.last().filter(|_| self.refused.is_none())
@@ -243,8 +249,44 @@ impl Model {
     }
 
     /// What is put on what a pane shows at a place is anchored there.
-    pub(super) fn anchor(&self, pane: Pane, place: [f64; 3]) -> Anchor {
-        sheet::anchor(self.session.lattice(), self.rest_of(place), self.side_seen(pane, place))
+    ///
+    /// # Errors
+    /// Where the surface that moves is too far from there.
+    pub(super) fn anchor(&self, what: &'static str, pane: Pane, place: [f64; 3]) -> Result<Anchor, Error> {
+        self.anchor_at(what, self.rest_of(place), self.side_seen(pane, place))
+    }
+
+    /// The same at a place at rest.
+    pub(super) fn anchor_at(
+        &self,
+        what: &'static str,
+        rest: [f64; 3],
+        seen: Option<sheet::Seen<'_>>,
+    ) -> Result<Anchor, Error> {
+        let lattice = self.session.lattice();
+        let remedy = "point at what moves, or choose another part (Which surface was found; boundary.class)";
+        let refused = |problem: String| Error::Request { what, problem, remedy };
+        let other = self.other_part_at(rest);
+        let is_beside = || {
+            let near = BESIDE * lattice.grid().voxel_diagonal();
+            sheet::pick(lattice, rest, seen).is_some_and(|pick| pick.away() <= near)
+        };
+        if let Some((class, part)) = other
+            && !is_beside()
+        {
+            return Err(refused(format!(
+                "class {class} lies there, and the part that moves is class {part}"
+            )));
+        }
+        let anchor = sheet::anchor(lattice, rest, seen);
+        anchor.ok_or_else(|| refused("the surface that moves is far from there".to_owned()))
+    }
+
+    /// The part that a person gave that lies at a place at rest (mm, RAS), where that is another than the one that moves, and that one.
+    fn other_part_at(&self, rest: [f64; 3]) -> Option<(u16, u16)> {
+        let both = self.class_at(rest).zip(self.subject.made.class);
+        let is_given = self.subject.shown_by == ShownBy::Labels;
+        both.filter(|(class, part)| is_given && class != part && *class != NO_DATA)
     }
 
     /// What is let go of while the hand is ahead comes there, where that only took longer than a hand waits for; else as close as a few tries bring it.

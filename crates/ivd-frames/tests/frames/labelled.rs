@@ -103,6 +103,11 @@ fn pictures_go_by_labels_that_a_person_gave_and_follow_what_is_done() {
     model.follow(&Request::Redo).unwrap();
     assert_eq!(drawn(&model), pulled);
 
+    // Another part is seen and doesn't move: it is told which does.
+    let told =
+        model.follow(&Request::Add { place: [7.0, 16.0, 16.0], by: [0.0; 3] }).unwrap_err().to_string();
+    assert!(told.contains("class 1 lies there, and the part that moves is class 2"), "{told}");
+
     // A plane takes the half that it takes, of the body as it is and at rest.
     model.follow(&Request::Clip { point: [16.0; 3], normal: [1.0, 0.0, 0.0] }).unwrap();
     let kept = |model: &Model| seen(model).map(|share| share > 0.0);
