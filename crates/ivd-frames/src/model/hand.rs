@@ -19,6 +19,9 @@ const NEAR: f64 = 0.025;
 const LEAST_SHARE: f64 = 0.02;
 /// Of a way that is longer than this share of the radius no more is tried to be gone at once.
 const FARTHEST: f64 = 0.5;
+/// What to do where a handle or a pin can't be put.
+const AT_WHAT_MOVES: &str =
+    "point at what moves, or let another part move (Which surface was found; boundary.class)";
 /// What lies in another part is meant to be of the one that moves where that is no farther than so many voxel diagonals.
 const BESIDE: f64 = 2.0;
 /// So often what is held is tried to come closer at a time.
@@ -112,11 +115,9 @@ impl Model {
         } else {
             no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
             let [_, Some(place)] = self.look_through(pane, at)? else { return Err(nothing_there("grab")) };
-            let handle = Handle {
-                at: self.anchor("handle", pane, place)?,
-                action: Action::Move([0.0; 3]),
-                radius: self.radius,
-            };
+            let at = self.anchor(pane, place);
+            let Some(at) = self.or_refused(at) else { return Ok(()) };
+            let handle = Handle { at, action: Action::Move([0.0; 3]), radius: self.radius };
             self.session.begin("drag a new handle")?;
             self.apply(Event::Add { id: None, handle })?;
             let Some(added) = self.session.settings().handles.last().filter(|_| self.refused.is_none())
@@ -248,38 +249,26 @@ impl Model {
             .then(|| sheet::Seen { eye: self.lens.sight(place).into(), moved: self.moved() })
     }
 
-    /// What is put on what a pane shows at a place is anchored there.
-    ///
-    /// # Errors
-    /// Where the surface that moves is too far from there.
-    pub(super) fn anchor(&self, what: &'static str, pane: Pane, place: [f64; 3]) -> Result<Anchor, Error> {
-        self.anchor_at(what, self.rest_of(place), self.side_seen(pane, place))
+    /// What is put on what a pane shows at a place is anchored there; else why it can't be.
+    pub(super) fn anchor(&self, pane: Pane, place: [f64; 3]) -> Result<Anchor, String> {
+        self.anchor_at(self.rest_of(place), self.side_seen(pane, place))
     }
 
     /// The same at a place at rest.
-    pub(super) fn anchor_at(
-        &self,
-        what: &'static str,
-        rest: [f64; 3],
-        seen: Option<sheet::Seen<'_>>,
-    ) -> Result<Anchor, Error> {
+    pub(super) fn anchor_at(&self, rest: [f64; 3], seen: Option<sheet::Seen<'_>>) -> Result<Anchor, String> {
         let lattice = self.session.lattice();
-        let remedy = "point at what moves, or choose another part (Which surface was found; boundary.class)";
-        let refused = |problem: String| Error::Request { what, problem, remedy };
-        let other = self.other_part_at(rest);
-        let is_beside = || {
-            let near = BESIDE * lattice.grid().voxel_diagonal();
-            sheet::pick(lattice, rest, seen).is_some_and(|pick| pick.away() <= near)
+        let near = BESIDE * lattice.grid().voxel_diagonal();
+        let is_beside = || sheet::pick(lattice, rest, seen).is_some_and(|pick| pick.away() <= near);
+        let problem = match self.other_part_at(rest) {
+            Some((class, part)) if !is_beside() => {
+                format!("class {class} lies there, and the part that moves is class {part}")
+            }
+            _ => match sheet::anchor(lattice, rest, seen) {
+                Some(anchor) => return Ok(anchor),
+                None => "the surface that moves is far from there".to_owned(),
+            },
         };
-        if let Some((class, part)) = other
-            && !is_beside()
-        {
-            return Err(refused(format!(
-                "class {class} lies there, and the part that moves is class {part}"
-            )));
-        }
-        let anchor = sheet::anchor(lattice, rest, seen);
-        anchor.ok_or_else(|| refused("the surface that moves is far from there".to_owned()))
+        Err(format!("{problem}; {AT_WHAT_MOVES}"))
     }
 
     /// The part that a person gave that lies at a place at rest (mm, RAS), where that is another than the one that moves, and that one.

@@ -353,7 +353,8 @@ impl Model {
                 self.set_radius(handle, (self.radius * 1.1_f64.powi(*steps)).clamp(1e-3, 1e6))
             }
             Request::Add { place, by } => {
-                let at = self.anchor_at("handle", *place, None)?;
+                let at = self.anchor_at(*place, None);
+                let Some(at) = self.or_refused(at) else { return Ok(()) };
                 let handle = Handle { at, action: Action::Move(*by), radius: self.radius };
                 no_more_than(MOST_HANDLES, self.session.settings().handles.len())?;
                 self.apply(Event::Add { id: None, handle })
@@ -370,7 +371,8 @@ impl Model {
                 let [_, Some(place)] = self.look_through(*pane, *at)? else {
                     return Err(nothing_there("pin"));
                 };
-                let at = self.anchor("pin", *pane, place)?;
+                let at = self.anchor(*pane, place);
+                let Some(at) = self.or_refused(at) else { return Ok(()) };
                 let pin = Pin { at, radius: 0.5 * self.radius };
                 self.apply(Event::Pin { id: None, pin })
             }

@@ -62,6 +62,11 @@ impl Model {
         Refused { why, exactly: None, instead: None, ahead_mm: self.ahead() }
     }
 
+    /// What was found; where it wasn't, why is told.
+    pub(super) fn or_refused<T>(&mut self, found: Result<T, String>) -> Option<T> {
+        found.map_err(|why| self.refused = Some(self.refusal(why))).ok()
+    }
+
     /// How far the hand is from what it holds (mm).
     pub(super) fn ahead(&self) -> f64 {
         self.held().map_or(0.0, |(drag, _, by)| (drag.wanted - by).norm())

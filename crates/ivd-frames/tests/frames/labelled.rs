@@ -104,8 +104,8 @@ fn pictures_go_by_labels_that_a_person_gave_and_follow_what_is_done() {
     assert_eq!(drawn(&model), pulled);
 
     // Another part is seen and doesn't move: it is told which does.
-    let told =
-        model.follow(&Request::Add { place: [7.0, 16.0, 16.0], by: [0.0; 3] }).unwrap_err().to_string();
+    model.follow(&Request::Add { place: [7.0, 16.0, 16.0], by: [0.0; 3] }).unwrap();
+    let told = model.figures().refused.unwrap().why;
     assert!(told.contains("class 1 lies there, and the part that moves is class 2"), "{told}");
 
     // A plane takes the half that it takes, of the body as it is and at rest.
