@@ -205,6 +205,10 @@ mod tests {
                 entries: vec![Entry::Undo]
             }
         );
+        // As earlier versions wrote it.
+        let older = r#"{"begins":{"scene":"schema = 1","of":"/a.toml","scan":"/a.nii"}}"#;
+        let older: Log = format!("{older}\n").parse().unwrap();
+        assert_eq!(older.files, InputFiles { file: Some("/a.nii".into()), ..InputFiles::default() });
         assert!(format!("{head}\nundo\n\"redo\"\n").parse::<Log>().unwrap_err().starts_with("line 2: "));
         assert!("\"undo\"\n".parse::<Log>().unwrap_err().contains("line 1"));
     }

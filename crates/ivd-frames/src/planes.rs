@@ -1,4 +1,4 @@
-//! Three slices that meet in a voxel.
+//! Three slices that meet at a place.
 
 use ivd_core::{Grid, Image, Volume, VoxelCoord, VoxelIndex, World};
 use ivd_report::{Plane, planes};
@@ -14,7 +14,7 @@ pub(crate) const BESIDE: f64 = 2.0;
 #[derive(Debug, Clone)]
 pub(crate) struct Planes {
     planes: [Plane; 3],
-    /// The voxel that they meet in (voxel coordinates).
+    /// Where they meet (voxel coordinates); each shows the voxels nearest to it.
     pub(crate) cross: [f64; 3],
 }
 

@@ -47,8 +47,8 @@ impl Model {
             Saved::Labels => {
                 let labels = self.session().shown_labels().ok_or_else(|| Error::Request {
                     what: "save",
-                    problem: "it was opened without labels of its parts".to_owned(),
-                    remedy: "open it with labels (--labels FILE)",
+                    problem: "no labels of its parts are shown".to_owned(),
+                    remedy: "open it with labels (--labels FILE), and let one of these parts move (boundary.class)",
                 })?;
                 written(name, &labels.clone().into_artefact(), ExportOptions::default(), exec)?
             }
@@ -90,7 +90,11 @@ fn told(mut scene: Scene) -> Result<String, Error> {
     let mut head = String::from(MADE);
     let files = scene.input_files();
     if !files.is_empty() {
-        head += " The scan's path is given by --input or below; other files of its input are named below.";
+        head += if files.file.is_some() {
+            " The scan's path is given by --input or below, that of other files of its input below."
+        } else {
+            " The path of its labels, or of other files of its input, is given below."
+        };
         if files.series.is_some() {
             head += " Which series of the folder it is has to be said again (--set input.series=).";
         }

@@ -72,7 +72,7 @@ impl Source {
             loaded.scene.input.phantom = None;
         }
         if let Some(labels) = &self.labels {
-            loaded.scene.input.labels = Some(absolute(labels, "the labels")?);
+            loaded.scene.set_labels(absolute(labels, "the labels")?)?;
         }
         Ok(Opened { loaded, is_bare, entries })
     }

@@ -52,6 +52,9 @@ pub enum ShownBy {
     Labels,
 }
 
+/// Why labels aren't shown.
+const UNSEEN: &str = "its labels aren't shown, as the surface that moves is of values (lattice.iso, boundary.above or a seed) and of none of them: boundary.class names one";
+
 /// What a session begins with.
 #[derive(Debug)]
 pub struct Subject {
@@ -252,7 +255,9 @@ impl Subject {
     pub fn notes(&self) -> impl Iterator<Item = String> {
         let who = if self.is_chosen { "chosen at opening" } else { "in this scene" };
         let plain = self.is_plain.then(|| PLAIN.to_owned());
-        self.said.iter().map(move |said| format!("{who}: {said}")).chain(plain)
+        let unseen =
+            (self.files.labels.is_some() && self.shown_by == ShownBy::Values).then(|| UNSEEN.to_owned());
+        self.said.iter().map(move |said| format!("{who}: {said}")).chain(plain).chain(unseen)
     }
 
     /// The scene with other settings: what `ivd pipeline` makes of it is what a session shows that is at them.

@@ -49,7 +49,11 @@ impl Session {
                 kept_behind: Vec::new(),
             },
         };
-        let made = followed.labels.update(labels, self.displacement(), &followed.behind, exec);
+        // Labels of which nothing has moved stay shared with those at rest.
+        let is_behind = !followed.behind.is_empty();
+        let made = is_behind
+            .then(|| followed.labels.update(labels, self.displacement(), &followed.behind, exec))
+            .transpose();
         if made.is_ok() {
             followed.behind.clear();
         }
@@ -63,8 +67,10 @@ impl Session {
     /// # Errors
     /// The memory limit, cancellation: none are shown then.
     pub fn follow_labels(&mut self, exec: &Exec) -> Result<(), Error> {
-        self.deformed_labels(exec)?;
-        let Some(mut followed) = self.followed.take() else { return Ok(()) };
+        let deformed = self.deformed_labels(exec).map(|_| ());
+        // Put back once it is that of the present state.
+        let Some(mut followed) = self.followed.take() else { return deformed };
+        deformed?;
         let clip = &self.settings().clip;
         followed.kept = match clip.params() {
             None => None,

@@ -94,7 +94,12 @@ impl Window {
         if item(ui, true, "Open a folder of slices …", None) {
             self.ask_for(Purpose::Open { folder: true }, ui.ctx());
         }
-        let is_scan = self.work.as_ref().is_some_and(|work| work.files.file.is_some() && !work.is_last);
+        // What a log has done again isn't of other parts.
+        let is_scan = self.work.as_ref().is_some_and(|work| {
+            let is_log =
+                work.source.file.as_ref().is_some_and(|file| file.extension().is_some_and(|e| e == "jsonl"));
+            work.files.file.is_some() && !work.is_last && !is_log
+        });
         if item(ui, is_scan, "Open labels of this scan …", None) {
             self.ask_for(Purpose::Labels, ui.ctx());
         }

@@ -248,7 +248,7 @@ impl Dialog {
             }
             Self::Labels { path } => {
                 ui.heading("Open labels of this scan");
-                ui.label("Labels that another program made of it: a whole number for every voxel, 0 where there is no part. The scan is opened once more, in parts by them.");
+                ui.label("Labels that another program made of it: a whole number for every voxel, 0 where there is no part. The scan is opened anew, divided into the parts that they name; what was done to it is not done again.");
                 typed(ui, path, "Path", "Open", false)
             }
             Self::Export { without } => {

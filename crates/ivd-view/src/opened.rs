@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use egui::{Context, ViewportCommand};
 use ivd_frames::Source;
+use ivd_pipeline::scene::Override;
 
 use crate::again::Seen;
 use crate::awaited::Awaited;
@@ -42,11 +43,24 @@ impl Window {
     /// Opens what is open once more, with labels of it.
     pub(crate) fn open_labels(&mut self, labels: PathBuf, context: &Context) {
         let Some(work) = &self.work else { return };
-        // What was said of classes that values gave isn't of these.
-        let overrides = work.source.overrides.iter();
-        let overrides =
-            overrides.filter(|one| one.path.first().is_none_or(|stage| stage != "boundary")).cloned();
-        let source = Source { labels: Some(labels), overrides: overrides.collect(), ..work.source.clone() };
+        // What was said of parts that values gave isn't of these.
+        let of_values = ["segment", "boundary"];
+        let is_of_values = |one: &&Override| {
+            let stage = one.path.first().map_or("", String::as_str);
+            of_values.contains(&stage) || one.path.join(".") == "lattice.iso"
+        };
+        let mut source = Source { labels: Some(labels), ..work.source.clone() };
+        source.overrides.retain(|one| !is_of_values(&one));
+        let made = self.shown.figures().map(|figures| figures.made.clone()).unwrap_or_default();
+        for (key, is_said) in [
+            ("boundary.class=", made.part.is_some()),
+            ("boundary.above=", made.is_above() && !made.is_body),
+            ("lattice.iso=", made.iso.is_some()),
+        ] {
+            if is_said {
+                source.overrides.extend(key.parse::<Override>());
+            }
+        }
         self.open(source, context);
     }
 

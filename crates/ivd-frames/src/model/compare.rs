@@ -86,7 +86,10 @@ impl Model {
         match self.session.follow_labels(&self.exec) {
             Err(error) if error.error_class() == ErrorClass::Cancelled => Err(error.into()),
             Err(error) => {
-                self.exec.observer().note(&format!("the volume's picture goes by values now: {error}"));
+                self.exec
+                    .observer()
+                    .note(&format!("the volume's picture goes by values from now on: {error}"));
+                self.subject.shown_by = ShownBy::Values;
                 Ok(())
             }
             Ok(()) => Ok(()),

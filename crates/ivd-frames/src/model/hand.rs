@@ -19,9 +19,6 @@ const NEAR: f64 = 0.025;
 const LEAST_SHARE: f64 = 0.02;
 /// Of a way that is longer than this share of the radius no more is tried to be gone at once.
 const FARTHEST: f64 = 0.5;
-/// What to do where a handle or a pin can't be put.
-const AT_WHAT_MOVES: &str =
-    "point at what moves, or let another part move (Which surface was found; boundary.class)";
 /// What lies in another part is meant to be of the one that moves where that is no farther than so many voxel diagonals.
 const BESIDE: f64 = 2.0;
 /// So often what is held is tried to come closer at a time.
@@ -261,14 +258,16 @@ impl Model {
         let is_beside = || sheet::pick(lattice, rest, seen).is_some_and(|pick| pick.away() <= near);
         let problem = match self.other_part_at(rest) {
             Some((class, part)) if !is_beside() => {
-                format!("class {class} lies there, and the part that moves is class {part}")
+                format!(
+                    "class {class} lies there, and the part that moves is class {part}; point at that, or let another part move (boundary.class)"
+                )
             }
             _ => match sheet::anchor(lattice, rest, seen) {
                 Some(anchor) => return Ok(anchor),
-                None => "the surface that moves is far from there".to_owned(),
+                None => "the surface that moves is far from there; point at it".to_owned(),
             },
         };
-        Err(format!("{problem}; {AT_WHAT_MOVES}"))
+        Err(problem)
     }
 
     /// The part that a person gave that lies at a place at rest (mm, RAS), where that is another than the one that moves, and that one.

@@ -5,7 +5,9 @@ use std::sync::{Arc, Mutex};
 
 use ivd_artefact::Cache;
 use ivd_core::{Artefact, Class, Exec, Grid, Image, Labels, Volume, Voxels};
-use ivd_frames::{Entry, Lies, Log, Model, Pane, Request, Saved, ShownBy, Shows, Subject, Tell, bare_scene};
+use ivd_frames::{
+    Entry, Lies, Log, Model, Opened, Pane, Request, Saved, ShownBy, Shows, Source, Subject, Tell, bare_scene,
+};
 use ivd_render::Side;
 
 use super::common::{loaded, patient};
@@ -246,4 +248,28 @@ fn labels_are_given_to_a_scan_alone_too() {
     // Which of them moves may be left open, but not which parts there are.
     let of_any = subject(&overrides[..1]);
     assert!(of_any.shown_by == ShownBy::Labels && of_any.made.class.is_some() && !of_any.made.is_body);
+
+    // By a word of its own, whatever would find parts otherwise; what is saved of it can be read.
+    let source = |overrides: &[&str]| Source {
+        file: Some(at.join("Doe^John.nii.gz")),
+        labels: Some(at.join("Doe^John organs.nii.gz")),
+        overrides: overrides.iter().map(|word| word.parse().unwrap()).collect(),
+        ..Source::default()
+    };
+    let open = |source: Source| {
+        let exec = Exec::default();
+        let Opened { loaded, is_bare, .. } = source.read().unwrap();
+        Subject::open(&loaded, is_bare, &Cache::disabled(), &exec, &Tell::default()).unwrap()
+    };
+    let subject = open(source(&["segment.k=3", "boundary.class=2"]));
+    assert_eq!(subject.shown_by, ShownBy::Labels);
+    let model = patient(subject, Exec::default());
+    let kept = model.save(Saved::Scene, String::new(), &Exec::default()).unwrap();
+    let named = kept.naming(|file| file.strip_prefix(at).unwrap().to_owned()).unwrap();
+    let again = opened(at, &String::from_utf8(named.bytes).unwrap());
+    assert!(drawn(&again) == drawn(&model));
+    // A surface of values shows none of them, and says so.
+    let by_value = open(source(&["lattice.iso=100"]));
+    assert_eq!(by_value.shown_by, ShownBy::Values);
+    assert!(by_value.notes().any(|note| note.contains("its labels aren't shown")));
 }

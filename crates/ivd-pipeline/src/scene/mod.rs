@@ -11,7 +11,7 @@ mod stage_sections;
 mod targets;
 mod written;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ivd_core::op::{Op, Stage, Want};
 use ivd_field::clip::{SceneClip, Whose};
@@ -153,6 +153,15 @@ impl Scene {
         let phantom = self.input.phantom.filter(|_| file.is_none());
         self.input =
             InputSection { file, start, labels, series, grid_of, phantom, ..std::mem::take(&mut self.input) };
+    }
+
+    /// Names a file of labels, in the place of what would find them.
+    ///
+    /// # Errors
+    /// A scene that can't do without that.
+    pub fn set_labels(&mut self, labels: PathBuf) -> Result<(), Error> {
+        self.input.labels = Some(labels);
+        self.remove(&ivd_segment::STAGE)
     }
 
     /// Says what windows show; nothing where that is what they show unasked.

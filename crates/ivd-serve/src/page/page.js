@@ -76,6 +76,7 @@ async function received(data) {
     return;
   }
   if (!figures || number >= figures.number) shown = figures = { ...head.figures, number };
+  $("save").querySelector("[value=labels]").disabled = figures.shown_by !== "labels";
   document.body.dataset.frame = figures.number;
   draw();
   tell();
