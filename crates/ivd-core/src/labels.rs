@@ -7,6 +7,9 @@ use crate::{BRICK, BrickIndex, Buffer, Error, Grid, Volume, parallel};
 /// Label of a voxel that is no data.
 pub const NO_DATA: u16 = 0;
 
+/// Bricks that are looked at in one go.
+const PIECE: usize = 256;
+
 /// One class of a segmentation. Values are real values (slope and intercept applied).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Class {
@@ -151,17 +154,19 @@ impl Labels {
         let changed = change(self.ids.make_mut());
         if let Some(mut known) = known {
             let bricks = BrickIndex::dims_for(self.grid.dims());
-            for &block in blocks {
-                let at = [block % bricks[0], block / bricks[0] % bricks[1], block / bricks[0] / bricks[1]];
-                // Those before it reach into it.
+            let (row, layer) = (bricks[0], bricks[0] * bricks[1]);
+            // Those before a block reach into it.
+            let reach = |block: &usize| {
+                let at = [block % row, block % layer / row, block / layer];
                 let [xs, ys, zs] = at.map(|c| c.saturating_sub(1)..=c);
-                for (z, y, x) in zs.flat_map(|z| {
-                    let xs = xs.clone();
-                    ys.clone().flat_map(move |y| xs.clone().map(move |x| (z, y, x)))
-                }) {
-                    known[x + bricks[0] * (y + bricks[1] * z)] = self.only_label([x, y, z]);
-                }
-            }
+                zs.flat_map(move |z| ys.clone().map(move |y| row * y + layer * z))
+                    .flat_map(move |before| xs.clone().map(move |x| x + before))
+            };
+            let mut again: Vec<usize> = blocks.iter().flat_map(reach).collect();
+            again.sort_unstable();
+            again.dedup();
+            let only = self.only_labels(&again);
+            again.into_iter().zip(only).for_each(|(brick, only)| known[brick] = only);
             let _ = self.of_bricks.set(known);
         }
         changed
@@ -171,25 +176,33 @@ impl Labels {
     /// reach; `None` where there are several. Found once.
     pub fn of_bricks(&self) -> &[Option<u16>] {
         self.of_bricks.get_or_init(|| {
-            let bricks = BrickIndex::dims_for(self.grid.dims());
-            let layer = bricks[0] * bricks[1];
-            let mut only = vec![None; layer * bricks[2]];
-            parallel::for_each_piece_mut(&mut only, layer, &|bz, only| {
-                for (brick, only) in only.iter_mut().enumerate() {
-                    *only = self.only_label([brick % bricks[0], brick / bricks[0], bz]);
-                }
-            });
-            only
+            let bricks = BrickIndex::dims_for(self.grid.dims()).iter().product();
+            self.only_labels(&(0..bricks).collect::<Vec<_>>())
         })
     }
 
-    fn only_label(&self, [bx, by, bz]: [usize; 3]) -> Option<u16> {
-        let [nx, ny, nz] = self.grid.dims();
-        let [xs, ys, zs] = [(bx, nx), (by, ny), (bz, nz)].map(|(b, n)| BRICK * b..n.min(BRICK * (b + 1) + 1));
-        let first = self.ids[xs.start + nx * (ys.start + ny * zs.start)];
-        let mut rows = zs.flat_map(|z| ys.clone().map(move |y| nx * (y + ny * z)));
-        let is_only = rows.all(|row| self.ids[row + xs.start..row + xs.end].iter().all(|&id| id == first));
-        is_only.then_some(first)
+    /// The labels of a brick's voxels, with those of the layer behind it along each axis.
+    pub fn about_brick(&self, brick: usize) -> impl Iterator<Item = u16> {
+        let (dims, bricks) = (self.grid.dims(), BrickIndex::dims_for(self.grid.dims()));
+        let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
+        let [xs, ys, zs] = [0, 1, 2].map(|a| BRICK * at[a]..dims[a].min(BRICK * (at[a] + 1) + 1));
+        let rows = zs.flat_map(move |z| ys.clone().map(move |y| dims[0] * (y + dims[1] * z)));
+        rows.flat_map(move |row| &self.ids[row + xs.start..row + xs.end]).copied()
+    }
+
+    /// Of bricks, the labels of [`Labels::of_bricks`].
+    fn only_labels(&self, bricks: &[usize]) -> Vec<Option<u16>> {
+        let only = |brick: usize| {
+            let mut labels = self.about_brick(brick);
+            let first = labels.next()?;
+            labels.all(|id| id == first).then_some(first)
+        };
+        let mut found = vec![None; bricks.len()];
+        parallel::for_each_piece_mut(&mut found, PIECE, &|piece, found| {
+            let bricks = bricks[PIECE * piece..].iter();
+            found.iter_mut().zip(bricks).for_each(|(found, brick)| *found = only(*brick));
+        });
+        found
     }
 
     /// Says anew how many voxels each class has.
@@ -211,6 +224,7 @@ impl Labels {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Voxels;
 
     #[test]
     fn what_is_known_of_bricks_goes_along_with_what_changes() {
@@ -235,7 +249,6 @@ mod tests {
         labels.ids_mut().fill(3);
         assert!(labels.of_bricks().iter().all(|only| *only == Some(3)));
     }
-    use crate::Voxels;
 
     #[test]
     fn a_volume_of_whole_numbers_is_labels_and_another_is_not() {

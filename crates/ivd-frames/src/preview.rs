@@ -73,6 +73,17 @@ pub(crate) struct AtRest {
 }
 
 impl AtRest {
+    pub(crate) fn of(seen: Seen<'_>, picture: &RenderParams) -> Self {
+        let Seen { volume, transfer, labels, unlabelled } = seen;
+        Self {
+            volume: volume.clone(),
+            transfer: transfer.cloned(),
+            labels: labels.cloned(),
+            unlabelled,
+            picture: picture.clone(),
+        }
+    }
+
     fn seen(&self) -> Seen<'_> {
         Seen {
             volume: &self.volume,

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use ivd_pipeline::scene::{self, Loaded, Override};
+use ivd_pipeline::scene::{self, InputFiles, Loaded, Override};
 use ivd_session::Entry;
 
 use crate::{Error, Log, bare_scene};
@@ -68,8 +68,9 @@ impl Source {
         };
         // From here on they lie where they lie, not beside the scene.
         if let Some(input) = &self.input {
-            loaded.scene.input.file = Some(absolute(input, "the scan")?);
-            loaded.scene.input.phantom = None;
+            let file = Some(absolute(input, "the scan")?);
+            let files = loaded.scene.input_files();
+            loaded.scene.set_input_files(InputFiles { file, ..files });
         }
         if let Some(labels) = &self.labels {
             loaded.scene.set_labels(absolute(labels, "the labels")?)?;

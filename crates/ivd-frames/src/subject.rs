@@ -230,13 +230,7 @@ impl Subject {
         subject.is_tomography = is_computed_tomography(&subject.volume, values);
         let transfer = first_transfer(&subject)?;
         tell.stage(refine.name);
-        tell.at_rest(|| AtRest {
-            volume: subject.volume.clone(),
-            transfer,
-            labels: subject.drawn_labels().cloned(),
-            unlabelled: subject.seen(None).unlabelled,
-            picture: subject.picture.clone(),
-        });
+        tell.at_rest(|| AtRest::of(subject.seen(transfer.as_ref()), &subject.picture));
         Ok(subject)
     }
 

@@ -1,4 +1,4 @@
-use ivd_core::{BRICK, BrickIndex, BrickRange, Labels};
+use ivd_core::{BrickRange, Labels};
 use rayon::prelude::*;
 
 use crate::classify::Classifier;
@@ -6,17 +6,9 @@ use crate::warp::Warp;
 
 /// For each brick, the set of rows that its voxels' labels choose (bits of [`Classifier::row_bit`]).
 pub(crate) fn rows_of_bricks(labels: &Labels, classifier: &Classifier) -> Vec<u64> {
-    let (dims, ids) = (labels.grid().dims(), labels.ids());
-    let bricks = BrickIndex::dims_for(dims);
     let bits: Vec<u64> = (0..=u16::MAX).map(|id| classifier.row_bit(id)).collect();
     let bit = |id: u16| bits[usize::from(id)];
-    let of_all = |brick: usize| {
-        let at = [brick % bricks[0], brick / bricks[0] % bricks[1], brick / bricks[0] / bricks[1]];
-        let [xs, ys, zs] = [0, 1, 2].map(|a| at[a] * BRICK..(at[a] * BRICK + BRICK + 1).min(dims[a]));
-        let rows = zs.flat_map(|z| ys.clone().map(move |y| dims[0] * (y + dims[1] * z)));
-        let labels = rows.flat_map(|row| &ids[row + xs.start..row + xs.end]);
-        labels.fold(0, |set, &id| set | bit(id))
-    };
+    let of_all = |brick| labels.about_brick(brick).fold(0, |set, id| set | bit(id));
     let only = labels.of_bricks().par_iter().enumerate();
     only.map(|(brick, only)| only.map_or_else(|| of_all(brick), bit)).collect()
 }

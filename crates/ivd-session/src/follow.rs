@@ -49,11 +49,7 @@ impl Session {
                 kept_behind: Vec::new(),
             },
         };
-        // Labels of which nothing has moved stay shared with those at rest.
-        let is_behind = !followed.behind.is_empty();
-        let made = is_behind
-            .then(|| followed.labels.update(labels, self.displacement(), &followed.behind, exec))
-            .transpose();
+        let made = followed.labels.update(labels, self.displacement(), &followed.behind, exec);
         if made.is_ok() {
             followed.behind.clear();
         }

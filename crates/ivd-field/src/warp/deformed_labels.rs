@@ -49,6 +49,9 @@ impl DeformedLabels {
         check_grid(labels.grid(), displacement, "labels")?;
         check_grid(self.output.grid(), displacement, "deformed labels")?;
         exec.check_cancelled()?;
+        if bricks.is_empty() {
+            return Ok(0);
+        }
         let job = Job {
             displacement,
             bricks,

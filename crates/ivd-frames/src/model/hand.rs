@@ -255,19 +255,14 @@ impl Model {
     pub(super) fn anchor_at(&self, rest: [f64; 3], seen: Option<sheet::Seen<'_>>) -> Result<Anchor, String> {
         let lattice = self.session.lattice();
         let near = BESIDE * lattice.grid().voxel_diagonal();
-        let is_beside = || sheet::pick(lattice, rest, seen).is_some_and(|pick| pick.away() <= near);
-        let problem = match self.other_part_at(rest) {
-            Some((class, part)) if !is_beside() => {
-                format!(
-                    "class {class} lies there, and the part that moves is class {part}; point at that, or let another part move (boundary.class)"
-                )
-            }
-            _ => match sheet::anchor(lattice, rest, seen) {
-                Some(anchor) => return Ok(anchor),
-                None => "the surface that moves is far from there; point at it".to_owned(),
-            },
-        };
-        Err(problem)
+        let found = sheet::anchor(lattice, rest, seen);
+        match (self.other_part_at(rest), found) {
+            (Some((class, part)), found) if found.is_none_or(|(_, pick)| pick.away() > near) => Err(format!(
+                "class {class} lies there, and the part that moves is class {part}; point at that, or let another part move (boundary.class)"
+            )),
+            (_, Some((anchor, _))) => Ok(anchor),
+            (_, None) => Err("the surface that moves is far from there; point at it".to_owned()),
+        }
     }
 
     /// The part that a person gave that lies at a place at rest (mm, RAS), where that is another than the one that moves, and that one.

@@ -18,10 +18,11 @@ pub(super) fn pick(lattice: &Lattice, place: [f64; 3], seen: Option<Seen<'_>>) -
 }
 
 /// The place to anchor what was put at a place (mm, RAS) at: that place where its nearest vertex belongs to its sheet, else the sheet's vertex that is nearest;
-/// none where the nearest is too far to be picked.
-pub(super) fn anchor(lattice: &Lattice, place: [f64; 3], seen: Option<Seen<'_>>) -> Option<Anchor> {
+/// and the vertex that is meant. None where the nearest is too far to be picked.
+pub(super) fn anchor(lattice: &Lattice, place: [f64; 3], seen: Option<Seen<'_>>) -> Option<(Anchor, Pick)> {
     let [nearest, meant] = nearest_and_meant(lattice, place, seen)?;
-    Some(Anchor::NearestTo(if nearest.vertex == meant.vertex { place } else { meant.at }))
+    let at = if nearest.vertex == meant.vertex { place } else { meant.at };
+    Some((Anchor::NearestTo(at), meant))
 }
 
 /// From where a surface is seen.
@@ -238,8 +239,9 @@ mod tests {
             .map(|at| (turned * (at - middle) + middle - at).into())
             .collect();
         // A handle has no in and out where it takes a vertex of another side than at a lower level, which knows better.
-        let [outer, inner] = [OUTER, INNER]
-            .map(|radius| vertex(&anchor(&lattice, [MIDDLE, MIDDLE, MIDDLE + radius], None).unwrap()).vertex);
+        let [outer, inner] = [OUTER, INNER].map(|radius| {
+            vertex(&anchor(&lattice, [MIDDLE, MIDDLE, MIDDLE + radius], None).unwrap().0).vertex
+        });
         let mut sides = Sides::default();
         for (level, taken, is_known) in
             [(3, outer, true), (4, inner, false), (5, outer, true), (2, inner, true), (3, outer, false)]
@@ -259,17 +261,18 @@ mod tests {
                 let place = direction.map(|c| MIDDLE + radius * c);
                 let is_outer = |at: [f64; 3]| from_middle(at) > f64::midpoint(OUTER, INNER);
                 wrong += usize::from(is_outer(vertex(&Anchor::NearestTo(place)).at) != is_outer(place));
-                let meant = vertex(&anchor(&lattice, place, None).unwrap());
+                let meant = vertex(&anchor(&lattice, place, None).unwrap().0);
                 assert_eq!(is_outer(meant.at), is_outer(place), "{place:?} means {:?}", meant.at);
                 far = far.max((Vector3::from(meant.at) - Vector3::from(place)).norm());
                 // From outside it is the outer side that is seen, also where the place lies within the wall or behind it.
                 let seen = vertex(
-                    &anchor(&lattice, place, Some(Seen { eye: direction.into(), moved: None })).unwrap(),
+                    &anchor(&lattice, place, Some(Seen { eye: direction.into(), moved: None })).unwrap().0,
                 );
                 assert!(is_outer(seen.at), "{place:?} means {:?}", seen.at);
                 // It is as it is turned now that it faces an eye.
                 let eye = turned * Vector3::from(direction);
-                let seen = vertex(&anchor(&lattice, place, Some(Seen { eye, moved: Some(&moved) })).unwrap());
+                let seen =
+                    vertex(&anchor(&lattice, place, Some(Seen { eye, moved: Some(&moved) })).unwrap().0);
                 assert!(is_outer(seen.at), "{place:?} means {:?}, turned", seen.at);
             }
         }

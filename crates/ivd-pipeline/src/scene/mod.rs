@@ -160,7 +160,7 @@ impl Scene {
     /// # Errors
     /// A scene that can't do without that.
     pub fn set_labels(&mut self, labels: PathBuf) -> Result<(), Error> {
-        self.input.labels = Some(labels);
+        self.set_input_files(InputFiles { labels: Some(labels), ..self.input_files() });
         self.remove(&ivd_segment::STAGE)
     }
 
