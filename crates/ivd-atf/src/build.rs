@@ -12,7 +12,7 @@ use crate::params::{Axes, OpacityRule, Params};
 use crate::range::{range_of, table_range};
 use crate::rays;
 use crate::reduced::Reduced;
-use crate::roles::{HALF_GAS, Role, are_hounsfield, roles};
+use crate::roles::{HALF_GAS, Role, are_chosen, are_hounsfield, roles};
 use crate::statistics::{ClassStatistics, measure};
 use crate::structure;
 use crate::table::{Looks, tabulate};
@@ -76,7 +76,10 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
                 (fit.opacity.clone(), Some(fit))
             }
         };
-        let palette = colour::chosen(params.palette, hounsfield, volume.modality());
+        let by_value = mix.rows() == 1;
+        // Chosen parts of about the same value would look alike by tissue.
+        let are_alike = !by_value && are_chosen(&classes);
+        let palette = colour::chosen(params.palette, hounsfield, volume.modality(), are_alike);
         let touching = colour::touching(&roles, &structure);
         let rgb = colour::colours(&Coloured {
             classes: &classes,
@@ -86,7 +89,7 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
             touching: &touching,
             palette,
             hounsfield,
-            by_value: mix.rows() == 1,
+            by_value,
         });
         let looks = Looks { mix: &mix, opacity: &opacity, rgb: &rgb, range, resolution: params.resolution };
         let mut transfer = tabulate(volume, &looks, exec)?;

@@ -37,7 +37,7 @@ pub fn from_isovalue(volume: &Volume, iso: f64, params: &Params, exec: &Exec) ->
         }
     };
     let hounsfield = are_hounsfield(params.values, volume.modality(), range);
-    let palette = colour::chosen(params.palette, hounsfield, volume.modality());
+    let palette = colour::chosen(params.palette, hounsfield, volume.modality(), false);
     let [r, g, b] = colour::of_isovalue(palette, hounsfield, iso, range);
     let most = params.max_opacity as f32;
     let table = (0..params.resolution).map(|i| [r, g, b, most * weight(value(i)) as f32]).collect();

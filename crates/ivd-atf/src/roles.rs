@@ -71,19 +71,24 @@ pub(crate) fn are_hounsfield(values: ValueScale, modality: Option<Modality>, ran
     }
 }
 
+/// Whether the labels are a person's choice of parts: label 0 on voxels with data has at least [`CHOSEN`] of the voxels.
+pub(crate) fn are_chosen(classes: &[ClassStatistics]) -> bool {
+    let all: u64 = classes.iter().map(|class| class.voxels).sum();
+    let unlabelled: u64 = classes.iter().filter(|class| class.id == NO_DATA).map(|class| class.voxels).sum();
+    unlabelled > 0 && unlabelled as f64 >= CHOSEN * all as f64
+}
+
 /// The roles of `classes`, which are in the order of their means.
 ///
-/// Label 0 on voxels with data is background. Where it has at least [`CHOSEN`] of the voxels, the labels are a person's choice of parts: each of the
-/// others is a material, but for gas by its Hounsfield value.
+/// Label 0 on voxels with data is background. Where the labels are a person's choice of parts, each of the others is a material, but for gas by its
+/// Hounsfield value.
 pub(crate) fn roles(
     classes: &[ClassStatistics],
     structure: &Structure,
     reduced: &Reduced<'_>,
     hounsfield: bool,
 ) -> Vec<Role> {
-    let all: u64 = classes.iter().map(|class| class.voxels).sum();
-    let unlabelled: u64 = classes.iter().filter(|class| class.id == NO_DATA).map(|class| class.voxels).sum();
-    let is_chosen = unlabelled > 0 && unlabelled as f64 >= CHOSEN * all as f64;
+    let is_chosen = are_chosen(classes);
     let mut background: Vec<bool> = if hounsfield {
         classes.iter().map(|class| class.mean <= HALF_GAS).collect()
     } else if is_chosen {

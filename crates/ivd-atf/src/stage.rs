@@ -22,7 +22,7 @@ pub const STAGE: Stage = Stage {
 const METHODS: &[Method] = &[method::<Params>("")];
 
 impl Op for Params {
-    const REVISION: u32 = 5;
+    const REVISION: u32 = 6;
     type Inputs<'a> = Inputs<'a>;
     type Gives = (TransferFunction, Figures);
 

@@ -10,7 +10,7 @@ pub struct ComponentParams {
     /// largest.
     #[schemars(extend("x-unit" = "1"))]
     pub class: Option<ClassChoice>,
-    /// A point (RAS) in the piece to keep; without it the piece of the most voxels.
+    /// A point (RAS) in the piece to keep; without it the piece of the most voxels, or of what is at or above a value the one that encloses that.
     #[schemars(extend("x-unit" = "mm"))]
     pub seed: Option<[f64; 3]>,
     /// Whether holes inside the piece become part of it. Voxels without data stay out.

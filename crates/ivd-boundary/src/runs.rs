@@ -60,6 +60,17 @@ impl Runs {
         self.spans.first().map(|span| self.size[0] * row + span[0] as usize)
     }
 
+    /// The box's size.
+    pub(crate) fn size(&self) -> [usize; 3] {
+        self.size
+    }
+
+    /// The first voxel of a run.
+    pub(crate) fn first(&self, run: usize) -> [usize; 3] {
+        let row = self.rows.partition_point(|before| *before <= run) - 1;
+        [self.span(run).start, row % self.size[1], row / self.size[1]]
+    }
+
     /// Indices of the runs of a row.
     pub(crate) fn row(&self, y: usize, z: usize) -> Range<usize> {
         let row = y + self.size[1] * z;

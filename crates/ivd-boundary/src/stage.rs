@@ -109,7 +109,7 @@ impl BoundaryFigures {
 }
 
 impl Op for ComponentParams {
-    const REVISION: u32 = 2;
+    const REVISION: u32 = 3;
     type Inputs<'a> = Inputs<'a>;
     type Gives = (Mask, BoundaryFigures);
 

@@ -117,6 +117,39 @@ fn a_hole_is_filled_and_a_hole_with_a_door_is_not() {
     assert_eq!(isolate(&shell(&[]), &kept).unwrap().voxels, 98);
 }
 
+/// A cube of side 19 in the middle of a box of 31, in shells whose half sides are given, and a cube of side 2 in a corner; chosen voxels are opened.
+fn shells(halves: &[usize], doors: &[[usize; 3]]) -> Volume {
+    let holds = |i: usize| {
+        let at = [i % 31, i / 31 % 31, i / 961];
+        let ring = at.iter().map(|c: &usize| c.abs_diff(15)).max().unwrap();
+        (ring <= 9 || halves.contains(&ring) || at.iter().all(|c| *c < 2)) && !doors.contains(&at)
+    };
+    volume([31; 3], (0..29_791).map(|i| u8::from(holds(i))).collect::<Vec<_>>())
+}
+
+#[test]
+fn what_encloses_the_largest_piece_is_the_body() {
+    let solid = |half: u64| (2 * half + 1).pow(3);
+    let found =
+        |halves: &[usize], doors: &[[usize; 3]]| isolate(&shells(halves, doors), &above(1.0)).unwrap();
+    assert_eq!(found(&[], &[]).voxels, solid(9));
+    // Thin shells have fewer voxels than the cube: 2,906 and 4,058 of 6,859.
+    for (halves, half) in [(&[11][..], 11), (&[13], 13), (&[11, 13], 13)] {
+        let found = found(halves, &[]);
+        assert_eq!((found.voxels, found.components), (solid(half), 2 + halves.len()));
+    }
+    // A shell with a door encloses nothing.
+    let door = [15, 15, 28];
+    assert_eq!(found(&[13], &[door]).voxels, solid(9));
+    assert_eq!(found(&[11, 13], &[door]).voxels, solid(11));
+    // What is asked for, and what isn't filled, stays a piece.
+    let v = shells(&[11], &[]);
+    let seed = ComponentParams { seed: Some([15.0; 3]), ..above(1.0) };
+    assert_eq!(isolate(&v, &seed).unwrap().voxels, solid(9));
+    let hollow = ComponentParams { fill_holes: false, ..above(1.0) };
+    assert_eq!(isolate(&v, &hollow).unwrap().voxels, solid(9));
+}
+
 #[test]
 fn a_hollow_that_touches_the_border_is_outside() {
     let whole = volume([3, 3, 3], vec![1_u8; 27]);

@@ -66,6 +66,17 @@ impl Level {
         (self.nearest, self.smoothest, self.springs, self.coupling) = (None, None, None, None);
     }
 
+    /// Lets go what was found of motions, as nothing moves it any more.
+    pub(crate) fn come_to_rest(&mut self) {
+        (self.springs, self.coupling) = (None, None);
+        if let Some(nearest) = &mut self.nearest {
+            nearest.forget();
+        }
+        if let Some((_, smoothest)) = &mut self.smoothest {
+            smoothest.forget();
+        }
+    }
+
     /// The lattice's motion; `None` where nothing could move it.
     pub(crate) fn solve(
         &mut self,

@@ -439,6 +439,9 @@ impl Session {
                 warp: found.elapsed().as_secs_f64(),
             },
         };
+        if motion.is_none() {
+            self.levels.values_mut().for_each(Level::come_to_rest);
+        }
         self.motion = motion;
         if let Some(mapped) = mapped {
             self.mapped = mapped;

@@ -25,8 +25,8 @@ const ENDS: [[&str; 2]; 3] = [
 /// Where they go; no wider than the panel.
 const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
 
-/// Where a plane lies from the middle, by the axis of the patient that it crosses most.
-const FROM_THE_MIDDLE: [&str; 3] = ["mm right of the middle", "mm before the middle", "mm above the middle"];
+/// Where a plane lies from the middle, by the axis of the patient that it crosses most: which way is counted up.
+const FROM_THE_MIDDLE: [&str; 3] = ["mm, − left, + right", "mm, − back, + front", "mm, − below, + above"];
 
 impl Window {
     /// Shows what clips.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use egui::scroll_area::ScrollBarVisibility;
 use egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
 use ivd_frames::{KEYS, Missed, Request, Saved, Source};
 
@@ -74,7 +75,7 @@ impl Window {
     pub(crate) fn dialogs(&mut self, context: &Context) {
         let Some(mut dialog) = self.dialog.take() else { return };
         let response = Modal::new(Id::unique(("dialog", dialog.number()))).show(context, |ui| {
-            ui.set_width(ui.ctx().content_rect().width().min(460.0) - 20.0);
+            ui.set_width(ui.ctx().content_rect().width().min(dialog.width()) - 20.0);
             dialog.show(ui)
         });
         let away = response.should_close();
@@ -239,6 +240,14 @@ impl Dialog {
         }
     }
 
+    /// How wide it is where there is room for it (points).
+    fn width(&self) -> f32 {
+        match self {
+            Self::Keys => 900.0,
+            _ => 460.0,
+        }
+    }
+
     fn show(&mut self, ui: &mut Ui) -> Answer {
         match self {
             Self::Open { path } => {
@@ -293,13 +302,14 @@ impl Dialog {
             }
             Self::Missed { missed, .. } => {
                 let steps = ivd_core::counted(missed.len() as u64, "step", "steps");
-                ui.heading(format!("{steps} can't be done again"));
+                ui.heading(format!("{steps} can't be done on the new surface"));
+                ui.label("The surface was found anew, and these don't fit it. Go back, and the one before is there again with all that was done; or keep the new one without these.");
                 ScrollArea::vertical().max_height(300.0).show(ui, |ui| {
                     for Missed { name, why } in missed {
                         ui.label(format!("{name}: {why}"));
                     }
                 });
-                choice(ui, "Go back to how it was made", Some("Go on without"))
+                either(ui, "Go back to the surface before", Some("Keep the new surface"), false)
             }
             Self::Recorded => {
                 ui.heading("What was recorded is not kept");
@@ -309,7 +319,8 @@ impl Dialog {
                 ui.heading("Mouse and keyboard");
                 // As much as there is room for.
                 let room = (ui.ctx().content_rect().height() - 160.0).max(200.0);
-                ScrollArea::vertical().max_height(room).show(ui, |ui| {
+                let list = ScrollArea::vertical().max_height(room);
+                list.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
                     let all: Vec<_> = KEYS.iter().chain(&OWN).collect();
                     ui.columns(2, |columns| {
                         for (column, keys) in columns.iter_mut().zip(all.chunks(all.len().div_ceil(2))) {
@@ -365,6 +376,11 @@ fn typed(ui: &mut Ui, path: &mut String, name: &str, verb: &str, was_asked: bool
 
 /// Buttons for what is asked; with another there is a way out as well.
 fn choice(ui: &mut Ui, does: &str, other: Option<&str>) -> Answer {
+    either(ui, does, other, true)
+}
+
+/// Buttons for what is asked, and for a way out where there is one.
+fn either(ui: &mut Ui, does: &str, other: Option<&str>, is_way_out: bool) -> Answer {
     let mut answer = Answer::None;
     ui.horizontal(|ui| {
         let first = ui.button(does);
@@ -378,7 +394,7 @@ fn choice(ui: &mut Ui, does: &str, other: Option<&str>) -> Answer {
         if ui.button(other).clicked() {
             answer = Answer::Other;
         }
-        if ui.button("Cancel").clicked() {
+        if is_way_out && ui.button("Cancel").clicked() {
             answer = Answer::Away;
         }
     });

@@ -30,8 +30,16 @@ pub(crate) struct Pair {
 }
 
 /// The palette that `wanted` means.
-pub(crate) fn chosen(wanted: Palette, hounsfield: bool, modality: Option<Modality>) -> Palette {
+///
+/// - `are_alike`: whether classes are parts that a person chose, and values don't tell them apart.
+pub(crate) fn chosen(
+    wanted: Palette,
+    hounsfield: bool,
+    modality: Option<Modality>,
+    are_alike: bool,
+) -> Palette {
     match wanted {
+        Palette::Auto if are_alike => Palette::Safe,
         // Magnetic resonance is made of bodies, tomography with other numbers than Hounsfield's of anything.
         Palette::Auto if hounsfield || modality == Some(Modality::MagneticResonance) => Palette::Tissue,
         Palette::Auto => Palette::Safe,
@@ -267,10 +275,13 @@ mod tests {
     #[test]
     fn values_and_modality_choose_the_palette() {
         let [ct, mr] = [Modality::ComputedTomography, Modality::MagneticResonance].map(Some);
-        assert_eq!(chosen(Palette::Auto, true, None), Palette::Tissue);
-        assert_eq!(chosen(Palette::Auto, false, None), Palette::Safe);
-        assert_eq!(chosen(Palette::Auto, false, mr), Palette::Tissue);
-        assert_eq!(chosen(Palette::Auto, false, ct), Palette::Safe);
-        assert_eq!(chosen(Palette::Thesis, true, mr), Palette::Thesis);
+        assert_eq!(chosen(Palette::Auto, true, None, false), Palette::Tissue);
+        assert_eq!(chosen(Palette::Auto, false, None, false), Palette::Safe);
+        assert_eq!(chosen(Palette::Auto, false, mr, false), Palette::Tissue);
+        assert_eq!(chosen(Palette::Auto, false, ct, false), Palette::Safe);
+        assert_eq!(chosen(Palette::Thesis, true, mr, true), Palette::Thesis);
+        // Organs are told apart.
+        assert_eq!(chosen(Palette::Auto, true, ct, true), Palette::Safe);
+        assert_eq!(chosen(Palette::Tissue, true, ct, true), Palette::Tissue);
     }
 }

@@ -3,6 +3,8 @@
 mod choice;
 mod holes;
 
+use std::collections::BTreeSet;
+
 use ivd_core::op::Op as _;
 use ivd_core::{Exec, Labels, Mask, Volume};
 use rayon::prelude::*;
@@ -36,6 +38,8 @@ pub struct Component {
 ///
 /// - `labels`: classes on the volume's grid; needed unless [`ComponentParams::above`] is given, and then not looked at.
 /// - Of two largest pieces the one whose first voxel comes first is taken.
+/// - A piece of what is at or above a value that encloses that one is taken in its place, where holes are filled: skin that bone holds apart from a larger brain
+///   is the body's surface.
 /// - With [`ComponentParams::fill_holes`], background that doesn't reach the volume's border through faces is filled.
 ///   Voxels without data (NaN, infinite) are never part of it.
 ///
@@ -60,13 +64,26 @@ pub fn component(
         exec.check_cancelled()?;
         let kept = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
         let mut inside = vec![0_u8; volume.grid().len()];
-        draw(&runs, &components, kept, dims, &mut inside);
-        exec.check_cancelled()?;
-        let filled = if params.fill_holes {
-            holes::fill(&mut inside, dims, &runs, &components, kept, volume, &|_| true)?
-        } else {
-            0
+        let isolate = |kept: u32, inside: &mut [u8]| {
+            draw(&runs, &components, kept, dims, inside);
+            exec.check_cancelled()?;
+            let fill = |inside| holes::fill(inside, dims, &runs, &components, kept, volume, &|_| true);
+            if params.fill_holes { fill(inside) } else { Ok(0) }
         };
+        let mut filled = None;
+        if params.above.is_some() && params.seed.is_none() && params.fill_holes {
+            let [x, y, z] = runs.first(kept as usize);
+            let first = x + dims[0] * (y + dims[1] * z);
+            for around in all_round(&runs, &components, kept) {
+                let with = isolate(around, &mut inside)?;
+                if inside[first] == 1 {
+                    filled = Some(with);
+                    break;
+                }
+                inside.fill(0);
+            }
+        }
+        let filled = filled.map_or_else(|| isolate(kept, &mut inside), Ok)?;
         let mask = Mask::new(volume.grid().clone(), inside.into())?;
         Ok(Component {
             voxels: mask.count(),
@@ -107,6 +124,29 @@ fn kept_component(
     }
     let largest = (0..sizes.len() as u32).max_by_key(|&run| (sizes[run as usize], std::cmp::Reverse(run)));
     Ok(largest.expect("there is a run"))
+}
+
+/// The pieces that lie on all six sides of a piece's first voxel, the outermost of those that enclose it before the others.
+fn all_round(runs: &Runs, components: &[u32], piece: u32) -> Vec<u32> {
+    let [x, y, z] = runs.first(piece as usize);
+    let [_, ny, nz] = runs.size();
+    let has = |y: usize, z: usize, other: u32| {
+        runs.row(y, z).any(|run| components[run] == other && runs.span(run).contains(&x))
+    };
+    let (mut found, mut tried) = (Vec::new(), BTreeSet::from([piece]));
+    for run in runs.row(y, z).take_while(|run| runs.span(*run).start < x) {
+        let other = components[run];
+        let is_round = tried.insert(other)
+            && runs.row(y, z).any(|run| components[run] == other && runs.span(run).start > x)
+            && (0..y).any(|y| has(y, z, other))
+            && (y + 1..ny).any(|y| has(y, z, other))
+            && (0..z).any(|z| has(y, z, other))
+            && (z + 1..nz).any(|z| has(y, z, other));
+        if is_round {
+            found.push(other);
+        }
+    }
+    found
 }
 
 /// Runs of the ones of a mask.

@@ -41,6 +41,9 @@ const BEHIND: f64 = 4.0;
 /// What of a handle's radius the surface's direction there is a mean over.
 const OUT: f64 = 0.5;
 
+/// Of so many handles, also of some that are gone but can be brought back, the direction at the lowest level is known.
+const MOST_HANDLES: usize = 1024;
+
 /// Out of the surface about a vertex, over a radius (mm); none where it has no side.
 #[derive(Debug, Clone, Copy)]
 struct Side {
@@ -84,7 +87,12 @@ impl Sides {
         if now.0 <= lowest.0 {
             *lowest = now;
         }
-        (lowest.1.dot(&now.1) > 0.0).then_some(out)
+        let agree = lowest.1.dot(&now.1) > 0.0;
+        // Numbers ascend: the oldest handles are the least likely to come back.
+        while self.lowest.len() > MOST_HANDLES {
+            self.lowest.pop_first();
+        }
+        agree.then_some(out)
     }
 
     /// Out of the surface about a vertex.

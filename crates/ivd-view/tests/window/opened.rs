@@ -233,10 +233,12 @@ fn what_cannot_be_done_again_is_asked_about() {
     here.told("a handle", |told| told.handles.len() == 1);
     chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
-    for (answer, handles, iso) in [("Go back to how it was made", 1, 127.5), ("Go on without", 0, 250.0)] {
+    for (answer, handles, iso) in
+        [("Go back to the surface before", 1, 127.5), ("Keep the new surface", 0, 250.0)]
+    {
         type_into(&mut here, "Value of the surface", "250");
         chosen(&mut here, "Make again");
-        here.until("it is asked", |here| here.has("1 step can't be done again"));
+        here.until("it is asked", |here| here.has("1 step can't be done on the new surface"));
         assert!(here.has("ten voxel diagonals"));
         here.press(answer);
         let told = here.told("answered", |told| told.made.iso == Some(iso));
