@@ -8,6 +8,9 @@ use crate::window::Window;
 /// What classes are.
 const ABOUT: &str = "Voxels with similar values, or those to which a file of labels gives one label. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
 
+/// Where stiffness changes something.
+const SHOWS: &str = "Stiffness shows where two of them lie within a handle's reach, or where a force pulls.";
+
 /// What a transition is.
 const BETWEEN: &str = "Voxels where one kind of matter passes into another: their values are a mixture of both, and no matter of their own";
 
@@ -21,6 +24,9 @@ impl Window {
         if !figures.classes.is_empty() {
             ui.weak("drawn, colour, opacity, volume, values");
             ui.horizontal(|ui| self.all_classes(ui, figures));
+        }
+        if !figures.matter.is_empty() {
+            ui.weak(SHOWS);
         }
         let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
         for class in &figures.classes {

@@ -25,8 +25,10 @@ const ENDS: [[&str; 2]; 3] = [
 /// Where they go; no wider than the panel.
 const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
 
-/// Where a plane lies from the middle, by the axis of the patient that it crosses most: which way is counted up.
-const FROM_THE_MIDDLE: [&str; 3] = ["mm, − left, + right", "mm, − back, + front", "mm, − below, + above"];
+/// The side of the middle on which a plane's place is above 0, by the axis of the patient that it crosses most.
+const UP: [&str; 3] = ["mm, + is right", "mm, + is front", "mm, + is upper"];
+/// The same where a scan doesn't say how it lies in a patient.
+const UP_ALONG: [&str; 3] = ["mm, + is greater x", "mm, + is greater y", "mm, + is greater z"];
 
 impl Window {
     /// Shows what clips.
@@ -89,7 +91,7 @@ impl Window {
         let axis = (0..3).fold(0, |best, a| if normal[a].abs() > normal[best].abs() { a } else { best });
         let way = normal[axis].signum();
         let there: f64 = (0..3).map(|a| (plane.point[a] - middle[a]) * way * normal[a]).sum();
-        let words = if figures.letters.is_some() { FROM_THE_MIDDLE[axis] } else { "mm from the middle" };
+        let words = if figures.letters.is_some() { UP[axis] } else { UP_ALONG[axis] };
         ui.strong(format!("Plane {id} keeps the {}", side(normal, figures.letters.is_some())));
         let full = format!("Plane {id}");
         let mut at = self.value(&full, there);

@@ -302,14 +302,14 @@ impl Dialog {
             }
             Self::Missed { missed, .. } => {
                 let steps = ivd_core::counted(missed.len() as u64, "step", "steps");
-                ui.heading(format!("{steps} can't be done on the new surface"));
-                ui.label("The surface was found anew, and these don't fit it. Go back, and the one before is there again with all that was done; or keep the new one without these.");
+                ui.heading(format!("{steps} can't be repeated"));
+                ui.label("The surface was found anew, and what is listed here doesn't fit it. Go back to the previous surface, with everything as it was, or keep the new one without what is listed.");
                 ScrollArea::vertical().max_height(300.0).show(ui, |ui| {
                     for Missed { name, why } in missed {
                         ui.label(format!("{name}: {why}"));
                     }
                 });
-                either(ui, "Go back to the surface before", Some("Keep the new surface"), false)
+                either(ui, "Go back to the previous surface", Some("Keep the new surface"), false)
             }
             Self::Recorded => {
                 ui.heading("What was recorded is not kept");
@@ -320,8 +320,10 @@ impl Dialog {
                 // As much as there is room for.
                 let room = (ui.ctx().content_rect().height() - 160.0).max(200.0);
                 let list = ScrollArea::vertical().max_height(room);
-                list.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
+                list.scroll_bar_visibility(ScrollBarVisibility::VisibleWhenNeeded).show(ui, |ui| {
                     let all: Vec<_> = KEYS.iter().chain(&OWN).collect();
+                    // Beside the bar.
+                    ui.set_max_width(ui.available_width() - 14.0);
                     ui.columns(2, |columns| {
                         for (column, keys) in columns.iter_mut().zip(all.chunks(all.len().div_ceil(2))) {
                             for (keys, what) in keys {

@@ -33,7 +33,7 @@ pub(crate) const OWN: [(&str, &str); 9] = [
     ("J", "the tool Bone"),
     ("double click, with the tool Turn", "one picture alone; again: all of them"),
     ("Tab", "to the next part of the window; Space or Enter presses it"),
-    ("F6", "to the list of handles"),
+    ("F6", "to the list of handles, where each is moved by typing"),
     ("Ctrl++, Ctrl+-", "larger and smaller letters"),
     ("? or F1", "this list"),
 ];

@@ -1,6 +1,6 @@
 //! What the body is made of, and the same scan made otherwise.
 
-use egui::{CollapsingHeader, ComboBox, TextEdit, Ui};
+use egui::{CollapsingHeader, ComboBox, Key, TextEdit, Ui};
 use ivd_frames::{Figures, Made, Source};
 use ivd_pipeline::scene::Override;
 
@@ -56,14 +56,14 @@ impl Window {
         CollapsingHeader::new("Which surface was found").show(ui, |ui| {
             let made = &figures.made;
             let mut wish = self.wish.take().unwrap_or_else(|| Wish::of(made));
-            ui.horizontal(|ui| {
+            let entered = ui.horizontal(|ui| {
                 let field = TextEdit::singleline(&mut wish.iso).hint_text(found(made)).desired_width(110.0);
-                ui.add(field).accessible_name("Value of the surface");
+                let field = ui.add(field).accessible_name("Value of the surface");
                 ui.label("value of the surface");
+                field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter))
             });
-            if made.iso.is_none() && !wish.iso.trim().is_empty() && !figures.classes.is_empty() {
-                ui.weak(CLASSES_GO);
-            }
+            let loses_classes =
+                made.iso.is_none() && !wish.iso.trim().is_empty() && !figures.classes.is_empty();
             part(ui, figures, &mut wish.part);
             let differs = wish != Wish::of(made);
             // How the session was opened that an older log goes on from isn't known.
@@ -72,11 +72,14 @@ impl Window {
             let why_not =
                 "The log that this went on from doesn't say how it was opened: save the scene, and open that";
             let again = if is_last { again.on_disabled_hover_text(why_not) } else { again };
-            if again
-                .on_hover_text("Opens the same once more, made so, and does again what was done")
-                .clicked()
-            {
+            let again =
+                again.on_hover_text("Opens the same once more, made so, and does again what was done");
+            if again.clicked() || entered.inner && again.enabled() {
                 self.make_again(&wish, made);
+            }
+            // Below what may be pressed, which stays where it is.
+            if loses_classes {
+                ui.weak(CLASSES_GO);
             }
             self.wish = differs.then_some(wish);
         });

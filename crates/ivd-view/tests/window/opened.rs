@@ -74,7 +74,9 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     });
     // A value takes the place of classes: it is said before.
     assert!(!told.classes.is_empty() && !here.has("no classes are looked for"));
-    type_into(&mut here, "Value of the surface", "140");
+    tab_to(&mut here, "Value of the surface");
+    here.harness.event(egui::Event::Text("140".to_owned()));
+    here.harness.step();
     assert!(here.has("no classes are looked for"));
 }
 
@@ -186,7 +188,6 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     here.harness.run_ok();
     assert_named(&here);
     type_into(&mut here, "Value of the surface", "140");
-    chosen(&mut here, "Make again");
     let kept = |iso| move |told: &Figures| told.made.iso == Some(iso) && told.pins.len() == 1;
     let told = here.told("a smaller ball", kept(140.0));
     assert!(told.vertices < vertices && told.handles.len() == 1, "{} {vertices}", told.vertices);
@@ -199,7 +200,6 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     here.told("a step less", |told| told.pins.is_empty() && told.redo.is_some());
     // What no scene takes is told, and nothing is lost.
     type_into(&mut here, "Value of the surface", "many");
-    chosen(&mut here, "Make again");
     here.until("why not", |here| here.has("lattice.iso"));
     assert_eq!((here.figures().vertices, here.figures().handles.len()), (told.vertices, 1));
 
@@ -214,7 +214,6 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
     type_into(&mut here, "Value of the surface", "110");
-    chosen(&mut here, "Make again");
     here.told("a larger ball", |told| told.made.iso == Some(110.0) && told.handles.len() == 1);
     here.settle();
     let logs = std::fs::read_dir(folder.path().join("state")).unwrap().flatten();
@@ -234,11 +233,10 @@ fn what_cannot_be_done_again_is_asked_about() {
     chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
     for (answer, handles, iso) in
-        [("Go back to the surface before", 1, 127.5), ("Keep the new surface", 0, 250.0)]
+        [("Go back to the previous surface", 1, 127.5), ("Keep the new surface", 0, 250.0)]
     {
         type_into(&mut here, "Value of the surface", "250");
-        chosen(&mut here, "Make again");
-        here.until("it is asked", |here| here.has("1 step can't be done on the new surface"));
+        here.until("it is asked", |here| here.has("1 step can't be repeated"));
         assert!(here.has("ten voxel diagonals"));
         here.press(answer);
         let told = here.told("answered", |told| told.made.iso == Some(iso));
@@ -258,7 +256,6 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.harness.run_ok();
     // Where nothing is cut there is nothing to hold.
     type_into(&mut here, "Value of the surface", "1e9");
-    chosen(&mut here, "Make again");
     here.until("why not", |here| here.has("It can't be made so"));
     here.press("All right");
     here.settle();
@@ -267,7 +264,6 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.press("Pin where the slices meet");
     here.told("a pin", |told| told.pins.len() == 1);
     type_into(&mut here, "Value of the surface", "1e9");
-    chosen(&mut here, "Make again");
     here.until("why not", |here| here.has("It can't be made so"));
     here.press("All right");
     here.told("as it was", |told| told.pins.len() == 1 && told.undo.as_deref() == Some("pin"));
