@@ -76,9 +76,8 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
                 (fit.opacity.clone(), Some(fit))
             }
         };
-        let by_value = mix.rows() == 1;
         // Chosen parts of about the same value would look alike by tissue.
-        let are_alike = !by_value && are_chosen(&classes);
+        let are_alike = are_chosen(&classes) && !mix.tells_materials_apart();
         let palette = colour::chosen(params.palette, hounsfield, volume.modality(), are_alike);
         let touching = colour::touching(&roles, &structure);
         let rgb = colour::colours(&Coloured {
@@ -89,7 +88,7 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
             touching: &touching,
             palette,
             hounsfield,
-            by_value,
+            by_value: mix.rows() == 1,
         });
         let looks = Looks { mix: &mix, opacity: &opacity, rgb: &rgb, range, resolution: params.resolution };
         let mut transfer = tabulate(volume, &looks, exec)?;

@@ -50,6 +50,14 @@ impl<'a> Mix<'a> {
         if self.apart.is_empty() { 1 } else { 1 + self.classes.len() }
     }
 
+    /// Whether values tell all materials apart.
+    pub(crate) fn tells_materials_apart(&self) -> bool {
+        let n = self.classes.len();
+        let is_material = |class: &usize| self.roles[*class] == Role::Material;
+        self.apart.is_empty()
+            || (0..n).filter(is_material).all(|a| (0..n).filter(is_material).all(|b| self.apart[a * n + b]))
+    }
+
     /// The row of a class.
     pub(crate) fn row(&self, class: usize) -> usize {
         if self.apart.is_empty() || self.classes[class].id == NO_DATA { 0 } else { 1 + class }

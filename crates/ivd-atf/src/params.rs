@@ -29,8 +29,8 @@ pub enum Axes {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Palette {
-    /// `tissue` for values in Hounsfield units and for volumes whose file says that they are magnetic resonance, else `safe`; `safe`, too, for labels that leave
-    /// voxels out (label 0) and that values don't tell apart.
+    /// `tissue` for values in Hounsfield units and for volumes whose file says that they are magnetic resonance, else `safe`; `safe`, too, where
+    /// labels leave at least 1 % of the voxels unlabelled (label 0) and values don't tell the labelled parts apart.
     #[default]
     Auto,
     /// Bone ivory, muscle red-brown, fat yellow, by Hounsfield value; other scans from dark red over flesh to ivory by value.

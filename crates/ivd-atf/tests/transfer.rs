@@ -463,3 +463,27 @@ fn a_table_beyond_the_memory_limit_is_refused() {
     let error = transfer(&volume, &labels, &params, &exec).unwrap_err();
     assert!(matches!(error, Error::Core(ivd_core::Error::MemoryLimit { .. })), "{error}");
 }
+
+/// Two organs in something else, of given Hounsfield values.
+///
+/// - `rest`: the label of what is no organ.
+fn organs(hounsfield: [f32; 3], rest: impl Fn([usize; 3]) -> u16) -> Palette {
+    let organ = |at: [usize; 3]| if ball(at, 6.0, 4.0) { Some(1) } else { ball(at, 16.0, 6.0).then_some(2) };
+    let value = |at| hounsfield[organ(at).map_or(2, |organ| usize::from(organ) - 1)] + ripple(at);
+    let (volume, labels) = scene(value, |at| organ(at).unwrap_or_else(|| rest(at)));
+    let params = Params { values: ValueScale::Hounsfield, ..Params::default() };
+    transfer(&volume, &labels, &params, &Exec::default()).unwrap().figures.palette
+}
+
+#[test]
+fn chosen_parts_that_values_do_not_tell_apart_have_colours_of_their_own() {
+    let unlabelled = |_| 0;
+    for rest in [-300.0, 40.0, 60.5] {
+        assert_eq!(organs([60.0, 61.0, rest], unlabelled), Palette::Safe, "alike, in {rest}");
+        // What has no colour may be like one of them.
+        assert_eq!(organs([700.0, 61.0, rest], unlabelled), Palette::Tissue, "told apart, in {rest}");
+    }
+    // A segmentation of everything, and one with strays.
+    assert_eq!(organs([60.0, 61.0, -300.0], |_| 3), Palette::Tissue);
+    assert_eq!(organs([60.0, 61.0, -300.0], |at| if at[1..] == [0, 0] { 0 } else { 3 }), Palette::Tissue);
+}

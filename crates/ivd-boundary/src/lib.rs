@@ -1,7 +1,7 @@
 //! Isolation of one part of a scanned volume.
 //!
-//! [`component`] takes the voxels of a class (or those at or above a value), keeps one connected piece of them, the largest
-//! or the one at a seed, closes its inner holes, and gives it as a [`Mask`](ivd_core::Mask): what the lattice is cut from.
+//! [`component`] takes the voxels of a class (or those at or above a value), keeps one connected piece of them, the largest,
+//! one that encloses that, or the one at a seed, closes its inner holes, and gives it as a [`Mask`](ivd_core::Mask): what the lattice is cut from.
 //!
 //! Connectivity: the part and its outside are connected through voxel faces (6 neighbours). A pocket that leaks to the outside only
 //! through an edge or a corner is a hole: the lattice closes its surface there, and a part of one piece without holes gives a lattice of

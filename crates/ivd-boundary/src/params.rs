@@ -2,7 +2,7 @@ use ivd_core::{ClassChoice, ParamError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One connected piece of a class, or of what is at or above a value: the largest, or the one at a seed.
+/// One connected piece of a class, or of what is at or above a value: the largest (or, of the latter, the one that encloses it), or the one at a seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct ComponentParams {
@@ -10,7 +10,7 @@ pub struct ComponentParams {
     /// largest.
     #[schemars(extend("x-unit" = "1"))]
     pub class: Option<ClassChoice>,
-    /// A point (RAS) in the piece to keep; without it the piece of the most voxels, or of what is at or above a value the one that encloses that.
+    /// A point (RAS) in the piece to keep; without it the piece of the most voxels or, with `above`, one that encloses that piece.
     #[schemars(extend("x-unit" = "mm"))]
     pub seed: Option<[f64; 3]>,
     /// Whether holes inside the piece become part of it. Voxels without data stay out.

@@ -1,7 +1,7 @@
 //! The stage as scenes and commands see it.
 
-use ivd_core::op::{Failure, Memory, Method, Op, Place, Stage, Want, method};
-use ivd_core::{Artefact, Exec, Kind, Labels, Mask, ParamError, Value as _, Volume, slots};
+use ivd_core::op::{Failure, Memory, Method, Op, Place, Remark, Stage, Want, method};
+use ivd_core::{Artefact, Exec, Kind, Labels, Mask, ParamError, Value as _, Volume, counted, slots};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -79,9 +79,13 @@ pub struct BoundaryFigures {
     /// Connected pieces of the class; the part is one of them. Of seeds of several labels, labels.
     #[schemars(extend("x-unit" = "1"))]
     pub components: usize,
-    /// Voxels that weren't of the class and were enclosed.
+    /// Voxels that weren't of the piece and were enclosed.
     #[schemars(extend("x-unit" = "voxels"))]
     pub filled: u64,
+    /// Voxels of the largest piece, where one that encloses it was taken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("x-unit" = "voxels"))]
+    pub encloses: Option<u64>,
     /// Where the class begins, unless it is open below.
     #[schemars(extend("x-unit" = "value"))]
     pub lower: Option<f64>,
@@ -95,6 +99,14 @@ impl BoundaryFigures {
     fn of(voxels: u64, components: usize, filled: u64, volume: &Volume) -> Self {
         let active_fraction = voxels as f64 / volume.grid().len() as f64;
         Self { voxels, active_fraction, components, filled, ..Self::default() }
+    }
+
+    /// What to know of a part, where there is something.
+    fn remark(&self) -> Option<String> {
+        let within = counted(self.encloses?, "voxel", "voxels");
+        Some(format!(
+            "the part encloses the largest piece, of {within}, and has it as a hole that is filled; a seed in that piece takes it alone"
+        ))
     }
 
     /// With those of a method that lowers an energy.
@@ -113,6 +125,8 @@ impl Op for ComponentParams {
     type Inputs<'a> = Inputs<'a>;
     type Gives = (Mask, BoundaryFigures);
 
+    const REMARK: Option<Remark<BoundaryFigures>> = Some(BoundaryFigures::remark);
+
     fn check_together(&self) -> Result<(), ParamError> {
         check_together(self)
     }
@@ -128,6 +142,7 @@ impl Op for ComponentParams {
             class: part.class,
             lower: part.lower,
             upper: part.upper,
+            encloses: part.encloses,
             ..BoundaryFigures::of(part.voxels, part.components, part.filled, volume)
         };
         Ok((part.mask, figures))

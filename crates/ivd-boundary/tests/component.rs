@@ -50,22 +50,27 @@ fn flood(dims: [usize; 3], holds: &dyn Fn(usize) -> bool) -> Vec<Option<usize>> 
     found
 }
 
-/// The largest component with its holes filled, plainly; and the number of components.
+/// The largest component, or the outermost that encloses it, with its holes filled, plainly; and the number of components.
 fn plain(dims: [usize; 3], part: &[bool]) -> (Vec<u8>, usize) {
     let pieces = flood(dims, &|i| part[i]);
     let size = |name: usize| pieces.iter().filter(|p| **p == Some(name)).count();
     let names: Vec<usize> = (0..part.len()).filter(|&i| pieces[i] == Some(i)).collect();
-    let largest = *names.iter().max_by_key(|&&n| (size(n), std::cmp::Reverse(n))).unwrap();
-    let background = flood(dims, &|i| pieces[i] != Some(largest));
+    let mut taken = *names.iter().max_by_key(|&&n| (size(n), std::cmp::Reverse(n))).unwrap();
     let border = |i: usize| {
         let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
         (0..3).any(|a| at[a] == 0 || at[a] + 1 == dims[a])
     };
-    let outside: Vec<usize> = (0..part.len()).filter(|&i| border(i)).filter_map(|i| background[i]).collect();
-    let mask = (0..part.len())
-        .map(|i| u8::from(pieces[i] == Some(largest) || background[i].is_some_and(|b| !outside.contains(&b))))
-        .collect();
-    (mask, names.len())
+    let filled = |piece: usize| -> Vec<bool> {
+        let background = flood(dims, &|i| pieces[i] != Some(piece));
+        let outside: Vec<usize> =
+            (0..part.len()).filter(|&i| border(i)).filter_map(|i| background[i]).collect();
+        (0..part.len()).map(|i| background[i].is_none_or(|b| !outside.contains(&b))).collect()
+    };
+    // From one that encloses it to the next, until none does. A piece is named by its first voxel.
+    while let Some(round) = names.iter().find(|&&n| n != taken && filled(n)[taken]) {
+        taken = *round;
+    }
+    (filled(taken).into_iter().map(u8::from).collect(), names.len())
 }
 
 #[test]
@@ -92,6 +97,34 @@ fn pieces_and_holes_equal_a_plain_flood_fill() {
         }
     }
     assert!(empty < 20, "{empty} of 200 volumes hold nothing");
+}
+
+#[test]
+fn nested_pieces_equal_a_plain_flood_fill() {
+    let (mut enclosed, mut largest) = (0, 0);
+    for case in 0..60 {
+        let dims: [usize; 3] = std::array::from_fn(|a| 17 + noise::below(case, a as u64, 4) as usize);
+        let n = dims.iter().product::<usize>();
+        // A solid cube in shells that are there or aren't, and one voxel in a few hundred of all that is open.
+        let (core, there) = (4 + noise::below(case, 3, 3) as usize, noise::below(case, 4, 512));
+        let gaps = [0, 300, 2000][noise::below(case, 5, 3) as usize];
+        let part: Vec<bool> = (0..n)
+            .map(|i| {
+                let at = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]];
+                let ring = at.iter().map(|&c: &usize| c.abs_diff(8)).max().unwrap();
+                let is_shell = ring > core + 1 && ring < 9 && there >> ring & 1 == 1;
+                let is_gap = gaps > 0 && noise::below(noise::bits(case, 6), i as u64, gaps) == 0;
+                (ring <= core || is_shell) && !is_gap
+            })
+            .collect();
+        let v = volume(dims, part.iter().map(|&p| u8::from(p)).collect::<Vec<_>>());
+        let found = isolate(&v, &above(0.5)).unwrap();
+        let (mask, components) = plain(dims, &part);
+        assert_eq!((found.mask.inside(), found.components), (&mask[..], components), "case {case}");
+        enclosed += usize::from(found.encloses.is_some());
+        largest += usize::from(found.encloses.is_none());
+    }
+    assert!(enclosed >= 10 && largest >= 10, "{enclosed} enclose the largest, {largest} are it");
 }
 
 /// A cube shell of side 5 in a box of 9, hollow of side 3, with chosen voxels of the shell opened.
@@ -137,6 +170,7 @@ fn what_encloses_the_largest_piece_is_the_body() {
     for (halves, half) in [(&[11][..], 11), (&[13], 13), (&[11, 13], 13)] {
         let found = found(halves, &[]);
         assert_eq!((found.voxels, found.components), (solid(half), 2 + halves.len()));
+        assert_eq!(found.encloses, Some(solid(9)));
     }
     // A shell with a door encloses nothing.
     let door = [15, 15, 28];

@@ -68,12 +68,10 @@ impl Level {
 
     /// Lets go what was found of motions, as nothing moves it any more.
     pub(crate) fn come_to_rest(&mut self) {
-        (self.springs, self.coupling) = (None, None);
+        (self.smoothest, self.springs, self.coupling) = (None, None, None);
+        // Its octree and what lies inside are of the lattice alone.
         if let Some(nearest) = &mut self.nearest {
             nearest.forget();
-        }
-        if let Some((_, smoothest)) = &mut self.smoothest {
-            smoothest.forget();
         }
     }
 
@@ -222,4 +220,50 @@ fn no_labels(event: &'static str) -> Error {
 pub(crate) fn still(lattice: &Lattice) -> MapUpdate {
     let displacement = Displacement::identity(lattice.grid().clone());
     MapUpdate { displacement, relaxations: 0, halvings: 0, misfit: 0.0, left_mm: 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use ivd_core::{Grid, Volume, Voxels};
+    use ivd_lattice::extract::{ExtractParams, Iso, extract};
+    use ivd_map::BiharmonicParams;
+    use ivd_motion::handles::{Action, Handle};
+
+    use super::*;
+    use crate::{Event, Session};
+
+    #[test]
+    fn what_was_found_of_motions_goes_once_nothing_moves_and_is_found_again() {
+        let exec = Exec::default();
+        let grid = Grid::with_spacing([24; 3], [1.0; 3]).unwrap();
+        let from_middle = |i: usize| grid.index(i).0.map(|c| (c as f64 - 11.6).powi(2)).iter().sum::<f64>();
+        let voxels: Vec<f32> = (0..grid.len()).map(|i| 100.0 - 8.0 * from_middle(i).sqrt() as f32).collect();
+        let volume = Volume::new(grid.clone(), Voxels::from(voxels)).unwrap();
+        let params = ExtractParams { iso: Iso::Value(40.0) };
+        let lattice = extract(&volume, None, &params, &exec).unwrap().lattice;
+        let mut session = Session::new(volume, lattice, None, Settings::default(), &exec).unwrap();
+        let springs = Event::Physics(Physics::Springs(Box::default()));
+        let smoothest = Event::Map(MapChoice::Biharmonic(BiharmonicParams::default()));
+        let at = Anchor::NearestTo([11.6, 11.6, 19.1]);
+        let handle = Handle { at, action: Action::Move([0.2, 0.0, 1.0]), radius: 6.0 };
+        for ways in [vec![], vec![springs], vec![smoothest]] {
+            let way = ways.len();
+            for event in ways {
+                session.apply(event, &exec).unwrap();
+            }
+            let rest = session.displacement().clone();
+            session.apply(Event::Add { id: None, handle }, &exec).unwrap();
+            let moved = session.displacement().clone();
+            let keeps = |session: &Session| {
+                let level = &session.levels[&0];
+                level.springs.is_some() || level.coupling.is_some() || level.smoothest.is_some()
+            };
+            assert!(moved != rest && keeps(&session), "{way}");
+            session.undo(&exec).unwrap();
+            assert!(*session.displacement() == rest && !keeps(&session), "{way}");
+            session.redo(&exec).unwrap();
+            assert!(*session.displacement() == moved, "{way}");
+            session.undo(&exec).unwrap();
+        }
+    }
 }

@@ -59,7 +59,7 @@ pub struct Session {
     volume: Volume,
     pub(crate) labels: Option<Labels>,
     finest: Arc<Lattice>,
-    levels: BTreeMap<u8, Level>,
+    pub(crate) levels: BTreeMap<u8, Level>,
     settings: Settings,
     motion: Option<Motion>,
     /// What the map makes of that.

@@ -19,11 +19,26 @@ const SAFE: [[u8; 3]; DISTINCT] = [
     [154, 31, 0],    // dark red
 ];
 
+/// How often the eight are dimmed before they turn.
+const DIMMED: usize = 4;
+/// By how much hues turn after that (degrees): of 104 colours any two differ by a ΔE₀₀ of 3.
+const TURN: f64 = 50.0;
+/// Chroma with which even grey ones turn.
+const LEAST_CHROMA: f64 = 20.0;
+
 /// Colour of a place in the palette for any colour vision, linear RGB in 0…1. From the ninth place on the palette repeats, each time at 0.7 of
-/// the brightness: colours that differ, but no longer by as much.
+/// the brightness; from the 33rd on it begins again with other hues: colours that differ, but no longer by as much.
 pub(crate) fn safe(place: usize) -> [f32; 3] {
-    let dim = 0.7_f32.powi((place / DISTINCT).min(8) as i32);
-    SAFE[place % DISTINCT].map(|c| srgb::linear_of_byte(c) * dim)
+    let round = place / DISTINCT;
+    let dim = 0.7_f32.powi((round % DIMMED) as i32);
+    let rgb = SAFE[place % DISTINCT].map(|c| srgb::linear_of_byte(c) * dim);
+    let turns = round / DIMMED;
+    if turns == 0 {
+        return rgb;
+    }
+    let [l, a, b] = lab(rgb.map(f64::from));
+    let (chroma, hue) = (a.hypot(b).max(LEAST_CHROMA), b.atan2(a) + (TURN * turns as f64).to_radians());
+    linear([l, chroma * hue.cos(), chroma * hue.sin()])
 }
 
 /// Hounsfield values, and the colours that tissue of these has to the eye.
@@ -94,6 +109,7 @@ pub(super) fn linear(colour: [f64; 3]) -> [f32; 3] {
 mod tests {
     use super::*;
     use crate::colour::blindness::{least_difference, seen};
+    use crate::colour::difference::ciede2000;
 
     #[test]
     fn any_two_of_the_safe_colours_are_told_apart_by_everybody() {
@@ -107,10 +123,16 @@ mod tests {
 
     #[test]
     fn places_are_distinct_and_in_range() {
-        let all: Vec<_> = (0..24).map(safe).collect();
-        for (i, a) in all.iter().enumerate() {
-            assert!(a.iter().all(|c| (0.0..=1.0).contains(c)));
-            assert!(all[..i].iter().all(|b| a != b), "colour {i} occurs twice");
+        // As many as there are organs in a whole body.
+        let all: Vec<_> = (0..104).map(safe).collect();
+        let seen = all.iter().map(|rgb| lab(rgb.map(f64::from))).collect::<Vec<_>>();
+        for (i, a) in seen.iter().enumerate() {
+            assert!(all[i].iter().all(|c| (0.0..=1.0).contains(c)));
+            assert!(a[0] > 15.0, "colour {i} is black");
+            for (j, b) in seen[..i].iter().enumerate() {
+                let apart = ciede2000(*a, *b);
+                assert!(apart >= 3.0, "{i} and {j}: {apart}");
+            }
         }
     }
 

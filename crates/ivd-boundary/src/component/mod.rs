@@ -26,20 +26,22 @@ pub struct Component {
     pub class: Option<u16>,
     /// Connected pieces that the class has; the mask is one of them.
     pub components: usize,
-    /// Voxels that weren't of the class and were enclosed.
+    /// Voxels that weren't of the piece and were enclosed.
     pub filled: u64,
+    /// Voxels of the largest piece, where one that encloses it was taken.
+    pub encloses: Option<u64>,
     /// Where the class begins [real units]; `None` where it is open below.
     pub lower: Option<f64>,
     /// Where the class ends [real units]; `None` where it is open above.
     pub upper: Option<f64>,
 }
 
-/// Isolates one 6-connected piece of a class: the largest, or the one at the seed.
+/// Isolates one 6-connected piece of a class, or of what is at or above a value: the largest, the one that encloses it, or the one at the seed.
 ///
 /// - `labels`: classes on the volume's grid; needed unless [`ComponentParams::above`] is given, and then not looked at.
 /// - Of two largest pieces the one whose first voxel comes first is taken.
-/// - A piece of what is at or above a value that encloses that one is taken in its place, where holes are filled: skin that bone holds apart from a larger brain
-///   is the body's surface.
+/// - Of what is at or above a value, a piece that encloses the largest is taken in its place, where holes are filled and no seed is given: where bone that is
+///   darker than that keeps skin apart from a larger brain, the skin is the body's surface.
 /// - With [`ComponentParams::fill_holes`], background that doesn't reach the volume's border through faces is filled.
 ///   Voxels without data (NaN, infinite) are never part of it.
 ///
@@ -62,7 +64,7 @@ pub fn component(
         exec.check_cancelled()?;
         let components = runs.components()?;
         exec.check_cancelled()?;
-        let kept = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
+        let (kept, size) = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
         let mut inside = vec![0_u8; volume.grid().len()];
         let isolate = |kept: u32, inside: &mut [u8]| {
             draw(&runs, &components, kept, dims, inside);
@@ -77,13 +79,16 @@ pub fn component(
             for around in all_round(&runs, &components, kept) {
                 let with = isolate(around, &mut inside)?;
                 if inside[first] == 1 {
-                    filled = Some(with);
+                    filled = Some((with, Some(size)));
                     break;
                 }
                 inside.fill(0);
             }
         }
-        let filled = filled.map_or_else(|| isolate(kept, &mut inside), Ok)?;
+        let (filled, encloses) = match filled {
+            Some(filled) => filled,
+            None => (isolate(kept, &mut inside)?, None),
+        };
         let mask = Mask::new(volume.grid().clone(), inside.into())?;
         Ok(Component {
             voxels: mask.count(),
@@ -91,13 +96,14 @@ pub fn component(
             class: chosen.class,
             components: piece_count(&components),
             filled,
+            encloses,
             lower: chosen.lower,
             upper: chosen.upper,
         })
     })
 }
 
-/// The component at the seed, or the largest.
+/// The component at the seed, or the largest with its voxels.
 fn kept_component(
     volume: &Volume,
     labels: Option<&Labels>,
@@ -106,7 +112,7 @@ fn kept_component(
     members: &Members,
     runs: &Runs,
     components: &[u32],
-) -> Result<u32, Error> {
+) -> Result<(u32, u64), Error> {
     if runs.len() == 0 {
         return Err(choice::nothing_there(volume, labels, chosen));
     }
@@ -114,7 +120,7 @@ fn kept_component(
         let [x, y, z] = choice::seed_voxel(volume, seed)?;
         let at_seed = runs.row(y, z).find(|&run| runs.span(run).contains(&x));
         return match at_seed {
-            Some(run) => Ok(components[run]),
+            Some(run) => Ok((components[run], 0)),
             None => Err(choice::seed_elsewhere(volume, labels, chosen, members, seed)),
         };
     }
@@ -123,7 +129,8 @@ fn kept_component(
         sizes[component as usize] += runs.span(run).len() as u64;
     }
     let largest = (0..sizes.len() as u32).max_by_key(|&run| (sizes[run as usize], std::cmp::Reverse(run)));
-    Ok(largest.expect("there is a run"))
+    let largest = largest.expect("there is a run");
+    Ok((largest, sizes[largest as usize]))
 }
 
 /// The pieces that lie on all six sides of a piece's first voxel, the outermost of those that enclose it before the others.

@@ -1,7 +1,7 @@
 //! Which vertex a place on a surface means: one of the sheet that it lies on, and not one of the sheet behind that, which may be nearer where walls are thin
 //! and triangles large.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ivd_core::Lattice;
 use ivd_core::geometry::closest_on_triangle;
@@ -41,8 +41,8 @@ const BEHIND: f64 = 4.0;
 /// What of a handle's radius the surface's direction there is a mean over.
 const OUT: f64 = 0.5;
 
-/// Of so many handles, also of some that are gone but can be brought back, the direction at the lowest level is known.
-const MOST_HANDLES: usize = 1024;
+/// Of so many handles that are gone, but can be brought back, the direction at the lowest level stays known.
+const MOST_GONE: usize = 1024;
 
 /// Out of the surface about a vertex, over a radius (mm); none where it has no side.
 #[derive(Debug, Clone, Copy)]
@@ -62,12 +62,19 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// Finds those of vertices with their handles' radii that aren't known, and forgets others.
-    pub(super) fn keep(&mut self, lattice: &Lattice, level: u8, handles: impl Iterator<Item = (usize, f64)>) {
+    /// Finds those of handles' vertices with their radii that aren't known, and forgets others.
+    pub(super) fn keep(
+        &mut self,
+        lattice: &Lattice,
+        level: u8,
+        handles: impl Iterator<Item = (Id, usize, f64)>,
+    ) {
+        let handles: Vec<_> = handles.collect();
+        self.forget_oldest(&handles.iter().map(|(id, ..)| *id).collect());
         let before = std::mem::take(&mut self.known);
         let before = if level == self.level { before } else { Vec::new() };
         let mut at = Vec::new();
-        let of = |of: (usize, f64)| {
+        let mut of = |of: (usize, f64)| {
             before.iter().find(|known| known.of == of).copied().unwrap_or_else(|| {
                 if at.is_empty() {
                     at = lattice.local_positions();
@@ -75,7 +82,16 @@ impl Sides {
                 Side { of, out: outwards(lattice, &at, of.0, OUT * of.1).map(Into::into) }
             })
         };
-        (self.level, self.known) = (level, handles.map(of).collect());
+        let all = handles.into_iter().map(|(_, vertex, radius)| of((vertex, radius)));
+        (self.level, self.known) = (level, all.collect());
+    }
+
+    /// Of handles that are gone, those of the lowest numbers are the least likely to come back.
+    fn forget_oldest(&mut self, present: &BTreeSet<Id>) {
+        let gone: Vec<Id> = self.lowest.keys().filter(|id| !present.contains(id)).copied().collect();
+        for id in &gone[..gone.len().saturating_sub(MOST_GONE)] {
+            self.lowest.remove(id);
+        }
     }
 
     /// Out of the surface about a handle's vertex; `None` where that has no side, or is of another one than at a lower level: at a coarse one the nearest
@@ -87,12 +103,7 @@ impl Sides {
         if now.0 <= lowest.0 {
             *lowest = now;
         }
-        let agree = lowest.1.dot(&now.1) > 0.0;
-        // Numbers ascend: the oldest handles are the least likely to come back.
-        while self.lowest.len() > MOST_HANDLES {
-            self.lowest.pop_first();
-        }
-        agree.then_some(out)
+        (lowest.1.dot(&now.1) > 0.0).then_some(out)
     }
 
     /// Out of the surface about a vertex.
@@ -250,14 +261,18 @@ mod tests {
         let [outer, inner] = [OUTER, INNER].map(|radius| {
             vertex(&anchor(&lattice, [MIDDLE, MIDDLE, MIDDLE + radius], None).unwrap().0).vertex
         });
-        let mut sides = Sides::default();
+        let (mut sides, taken_last) = (Sides::default(), outer);
         for (level, taken, is_known) in
             [(3, outer, true), (4, inner, false), (5, outer, true), (2, inner, true), (3, outer, false)]
         {
-            sides.keep(&lattice, level, [(taken, 5.0)].into_iter());
+            sides.keep(&lattice, level, [(0, taken, 5.0)].into_iter());
             assert_eq!(sides.of(0, taken, 5.0).is_some(), is_known, "level {level}");
             assert!(sides.of(1 + u32::from(level), taken, 5.0).is_some(), "a handle of its own has a side");
         }
+        // What is present is known whatever else was; of what is gone, the newest.
+        (10..2000).for_each(|id| _ = sides.of(id, taken_last, 5.0));
+        sides.keep(&lattice, 3, [(0, taken_last, 5.0)].into_iter());
+        assert_eq!((sides.lowest.len(), sides.lowest.contains_key(&0)), (1 + MOST_GONE, true));
         let (mut wrong, mut far) = (0, 0.0_f64);
         for n in 0..500 {
             // Spread evenly over a sphere by the golden angle.

@@ -31,7 +31,7 @@ impl Model {
         self.sides.keep(
             lattice,
             settings.level,
-            picks.iter().zip(&settings.handles).map(|(pick, one)| (pick.vertex, one.radius)),
+            picks.iter().zip(&settings.handles).map(|(pick, one)| (one.id, pick.vertex, one.radius)),
         );
         let outs = picks.iter().zip(&settings.handles);
         let outs: Vec<_> = outs.map(|(pick, one)| self.sides.of(one.id, pick.vertex, one.radius)).collect();

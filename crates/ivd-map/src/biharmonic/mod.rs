@@ -225,11 +225,6 @@ impl<L: Deref<Target = Lattice> + Send + Sync> Biharmonic<L> {
         })
     }
 
-    /// Forgets the equations and fields that it keeps.
-    pub fn forget(&mut self) {
-        self.kept = Vec::new();
-    }
-
     /// The field of a frame, before it is settled as `settled` does.
     fn with_frame<T: Send>(
         &mut self,

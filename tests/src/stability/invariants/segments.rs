@@ -200,7 +200,8 @@ fn pieces(grid: &Grid, of: &[bool]) -> (Vec<Option<usize>>, usize) {
     (piece, count)
 }
 
-/// An isolated part against a flood fill: the largest piece (of equals the first), its enclosed background filled.
+/// An isolated part against a flood fill: the largest piece (of equals the first) or, of what is at or above a value, the outermost that encloses it; its
+/// enclosed background filled.
 /// Cases with a seed are left to the crate's own tests.
 ///
 /// # Errors
@@ -218,20 +219,36 @@ pub fn part(volume: &Volume, labels: &Labels, params: &ComponentParams, found: &
     let mut sizes = vec![0_u64; count];
     piece.iter().flatten().for_each(|&p| sizes[p] += 1);
     let largest = (0..count).max_by_key(|&p| (sizes[p], std::cmp::Reverse(p)));
-    let kept: Vec<bool> = piece.iter().map(|p| p.is_some() && *p == largest).collect();
-    let background: Vec<bool> = kept.iter().map(|k| !k).collect();
-    let (hole, holes) = pieces(grid, &background);
-    let mut open = vec![false; holes];
-    for (i, p) in hole.iter().enumerate() {
-        let at = grid.index(i).0;
-        if let Some(p) = p
-            && (0..3).any(|a| at[a] == 0 || at[a] + 1 == grid.dims()[a])
-        {
-            open[*p] = true;
+    let enclosed_by = |kept: Option<usize>| -> Vec<bool> {
+        let background: Vec<bool> = piece.iter().map(|p| p.is_none() || *p != kept).collect();
+        let (hole, holes) = pieces(grid, &background);
+        let mut open = vec![false; holes];
+        for (i, p) in hole.iter().enumerate() {
+            let at = grid.index(i).0;
+            if let Some(p) = p
+                && (0..3).any(|a| at[a] == 0 || at[a] + 1 == grid.dims()[a])
+            {
+                open[*p] = true;
+            }
         }
+        hole.iter().map(|p| p.is_some_and(|p| !open[p])).collect()
+    };
+    // Of those that enclose the largest the outermost, which the others don't enclose.
+    let first = piece.iter().position(|p| p.is_some() && *p == largest);
+    let mut taken = largest;
+    if let Some(first) = first.filter(|_| params.above.is_some() && params.fill_holes) {
+        let round: Vec<usize> =
+            (0..count).filter(|p| sizes[*p] > 6 && enclosed_by(Some(*p))[first]).collect();
+        let is_outermost = |p: &&usize| {
+            let of = piece.iter().position(|q| *q == Some(**p)).expect("it has a voxel");
+            round.iter().all(|other| !enclosed_by(Some(*other))[of])
+        };
+        taken = round.iter().find(is_outermost).copied().or(largest);
     }
+    let kept: Vec<bool> = piece.iter().map(|p| p.is_some() && *p == taken).collect();
+    let enclosed = enclosed_by(taken);
     for i in 0..grid.len() {
-        let filled = params.fill_holes && values[i].is_some() && hole[i].is_some_and(|p| !open[p]);
+        let filled = params.fill_holes && values[i].is_some() && enclosed[i];
         let expected = u8::from(kept[i] || filled);
         let got = found.mask.inside()[i];
         hold!(got == expected, "voxel {:?} of the part: {got}, plainly {expected}", grid.index(i).0);
