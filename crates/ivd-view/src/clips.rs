@@ -26,9 +26,11 @@ const ENDS: [[&str; 2]; 3] = [
 const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
 
 /// The side of the middle on which a plane's place is above 0, by the axis of the patient that it crosses most.
-const UP: [&str; 3] = ["mm, + is right", "mm, + is front", "mm, + is upper"];
+const UP: [&str; 3] =
+    ["mm from the middle, + is right", "mm from the middle, + is front", "mm from the middle, + is up"];
 /// The same where a scan doesn't say how it lies in a patient.
-const UP_ALONG: [&str; 3] = ["mm, + is greater x", "mm, + is greater y", "mm, + is greater z"];
+const UP_ALONG: [&str; 3] =
+    ["mm from the middle, + is x", "mm from the middle, + is y", "mm from the middle, + is z"];
 
 impl Window {
     /// Shows what clips.

@@ -319,7 +319,7 @@ impl Dialog {
                 ui.heading("Mouse and keyboard");
                 // As much as there is room for.
                 let room = (ui.ctx().content_rect().height() - 160.0).max(200.0);
-                let list = ScrollArea::vertical().max_height(room);
+                let list = ScrollArea::vertical().max_height(room).min_scrolled_height(room);
                 list.scroll_bar_visibility(ScrollBarVisibility::VisibleWhenNeeded).show(ui, |ui| {
                     let all: Vec<_> = KEYS.iter().chain(&OWN).collect();
                     // Beside the bar.
