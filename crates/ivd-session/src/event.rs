@@ -206,7 +206,7 @@ impl Event {
             Self::SetSpace { .. } => "change a step in space",
             Self::RemoveSpace { .. } => "remove a step in space",
             Self::Clip { .. } => "clip",
-            Self::MoveClip { .. } => "move a clip",
+            Self::MoveClip { .. } => "change a clip",
             Self::Unclip { .. } => "remove a clip",
             Self::ClipRule(_) => "change how it is clipped",
             Self::Physics(_) => "choose a solver",

@@ -108,8 +108,11 @@ impl Window {
         }
         ui.separator();
         for what in Saved::ALL.into_iter().filter(|what| *what != Saved::Whole) {
-            let (verb, keys) =
-                if what == Saved::Scene { ("Save", Some(&keys::SAVE)) } else { ("Export", None) };
+            let (verb, keys) = match what {
+                Saved::Scene => ("Save", Some(&keys::SAVE)),
+                Saved::Volume => ("Export", Some(&keys::EXPORT)),
+                _ => ("Export", None),
+            };
             let is_there = is_shown && (what != Saved::Labels || self.is_labelled());
             if item(ui, is_there, &format!("{verb} {} …", what.word()), keys) {
                 self.export(what, ui.ctx());

@@ -13,6 +13,7 @@ use crate::window::Window;
 
 pub(crate) const OPEN: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::O);
 pub(crate) const SAVE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
+pub(crate) const EXPORT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::E);
 pub(crate) const QUIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Q);
 pub(crate) const RECORD: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::R);
 pub(crate) const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
@@ -24,7 +25,7 @@ const REDO_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key
 
 /// Keys and buttons that this window has beside those of every window.
 pub(crate) const OWN: [(&str, &str); 9] = [
-    ("Ctrl+O, Ctrl+S, Ctrl+Q", "open, save the scene, quit"),
+    ("Ctrl+O, Ctrl+S, Ctrl+E, Ctrl+Q", "open, save the scene, export the deformed volume, quit"),
     ("Ctrl+R", "record the volume's picture; again: stop, and keep it"),
     (
         "Bone",
@@ -67,6 +68,9 @@ impl Window {
         }
         if shortcut(&SAVE) && self.work.is_some() {
             self.ask_for(Purpose::Keep(Keeps::Asked(Saved::Scene)), context);
+        }
+        if shortcut(&EXPORT) && self.shown.figures().is_some() {
+            self.export(Saved::Volume, context);
         }
         if shortcut(&RECORD) {
             self.record(context);

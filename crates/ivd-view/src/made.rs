@@ -115,7 +115,7 @@ fn found(made: &Made) -> String {
     }
 }
 
-/// The part: a class, one that is chosen by a rule, or none said.
+/// The part: a class, one that is chosen by a rule, or all of the surface.
 fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
     let made = &figures.made;
     let word = |part: Option<&str>| match (part, made.class) {
@@ -124,7 +124,7 @@ fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
         (None, None) if made.is_above() => {
             format!("values of {} and more", made.between[0].unwrap_or_default() as f32)
         }
-        (None, _) => "none said".to_owned(),
+        (None, _) => "all of the surface".to_owned(),
         (Some(rule @ ("densest" | "largest")), _) => format!("the {rule} class"),
         (Some(class), _) => format!("class {class}"),
     };

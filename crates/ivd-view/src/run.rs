@@ -81,6 +81,8 @@ pub fn run(options: Options, source: Option<Source>) -> Result<(), Error> {
     let cancel = options.exec.cancel.clone();
     let create = move |creation: &eframe::CreationContext<'_>| {
         creation.egui_ctx.set_theme(egui::Theme::Dark);
+        // What has the keys is seen at a glance.
+        creation.egui_ctx.all_styles_mut(|style| style.visuals.widgets.active.bg_stroke.width = 2.0);
         let context = creation.egui_ctx.clone();
         let watch = move || {
             while !cancel.is_cancelled() {

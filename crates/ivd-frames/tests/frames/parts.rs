@@ -153,7 +153,7 @@ fn a_plane_keeps_what_lies_behind_it_and_is_moved_turned_and_taken_away() {
     follow(&mut model, &Request::Adjust);
     follow(&mut model, &Request::MoveClip { clip: 0, part: ClipPart::Plane(moved) });
     let told = follow(&mut model, &Request::Drop);
-    assert_eq!((told.refused, told.undo.as_deref()), (None, Some("move a clip")));
+    assert_eq!((told.refused, told.undo.as_deref()), (None, Some("change a clip")));
     assert!(value(&model, 20) > 0.0 && value(&model, 25) == 0.0);
     let turned = HalfSpace { normal: plane.normal.map(|c| -c), ..moved };
     follow(&mut model, &Request::MoveClip { clip: 0, part: ClipPart::Plane(turned) });

@@ -82,6 +82,14 @@ fn a_session_needs_no_pointer() {
     typed(&mut here, &kept.display().to_string());
     here.until("it is written", |_| kept.exists());
     let told = here.told("nothing would be lost", |told| !told.unsaved);
+
+    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::E);
+    here.harness.step();
+    here.harness.step();
+    let exported = here.folder.path().join("deformed.nii.gz");
+    tab_to(&mut here, "Path");
+    typed(&mut here, &exported.display().to_string());
+    here.until("the volume is written", |_| exported.exists());
     // What was kept is what was shown.
     let mut again =
         Here::new(here.folder.clone(), Some(Source { file: Some(kept), ..Source::default() }), None);

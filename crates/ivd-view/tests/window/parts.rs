@@ -97,7 +97,7 @@ fn a_plane_is_put_moved_turned_and_taken_away() {
     here.settle();
     let slider = here.harness.get_all_by_label("Plane 0").next().unwrap().rect();
     draw(&mut here, slider.center(), slider.center() + vec2(20.0, 0.0));
-    let told = here.told("it is moved", |told| told.undo.as_deref() == Some("move a clip"));
+    let told = here.told("it is moved", |told| told.undo.as_deref() == Some("change a clip"));
     let (moved, same) = plane(&told);
     // To the right is to the front, whichever side is kept.
     assert!(moved[1] > point[1] + 1.0 && same == normal && moved[0] == point[0], "{moved:?} {point:?}");
@@ -169,11 +169,11 @@ fn a_volume_that_is_clipped_is_exported_with_or_without_what_is_taken_away() {
     here.told("a box", |told| told.clips.len() == 1);
     tab_to(&mut here, "Box 0: y to, mm");
     typed(&mut here, "16");
-    here.told("it ends there", |told| told.undo.as_deref() == Some("move a clip"));
+    here.told("it ends there", |told| told.undo.as_deref() == Some("change a clip"));
     let mut written = Vec::new();
     for (name, whole) in [("clipped.nii.gz", false), ("whole.nii.gz", true)] {
         here.press("File");
-        here.press("Export deformed volume …");
+        here.press("Export deformed volume … Ctrl+E");
         let without = "cut away what planes and boxes hide, as on the screen";
         assert!(here.harness.get_by_label(without).accesskit_node().toggled() == Some(Toggled::False));
         if whole {
