@@ -56,13 +56,12 @@ impl Runs {
 
     /// Linear index, in a volume of the box's size, of the first voxel.
     pub(crate) fn first_voxel(&self) -> Option<usize> {
-        let row = self.rows.iter().rposition(|before| *before == 0)?;
-        self.spans.first().map(|span| self.size[0] * row + span[0] as usize)
+        (self.len() > 0).then(|| self.linear(self.first(0)))
     }
 
-    /// The box's size.
-    pub(crate) fn size(&self) -> [usize; 3] {
-        self.size
+    /// Linear index of a voxel in a volume of the box's size.
+    pub(crate) fn linear(&self, [x, y, z]: [usize; 3]) -> usize {
+        x + self.size[0] * (y + self.size[1] * z)
     }
 
     /// The first voxel of a run.

@@ -25,12 +25,10 @@ const ENDS: [[&str; 2]; 3] = [
 /// Where they go; no wider than the panel.
 const WAYS: [&str; 3] = ["mm, left to right", "mm, back to front", "mm, feet to head"];
 
-/// The side of the middle on which a plane's place is above 0, by the axis of the patient that it crosses most.
-const UP: [&str; 3] =
-    ["mm from the middle, + is right", "mm from the middle, + is front", "mm from the middle, + is up"];
+/// The side of the middle on which a plane's place is above 0, by the axis that it crosses most: of the patient.
+const PATIENT: [&str; 3] = ["right", "front", "up"];
 /// The same where a scan doesn't say how it lies in a patient.
-const UP_ALONG: [&str; 3] =
-    ["mm from the middle, + is x", "mm from the middle, + is y", "mm from the middle, + is z"];
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Window {
     /// Shows what clips.
@@ -93,11 +91,12 @@ impl Window {
         let axis = (0..3).fold(0, |best, a| if normal[a].abs() > normal[best].abs() { a } else { best });
         let way = normal[axis].signum();
         let there: f64 = (0..3).map(|a| (plane.point[a] - middle[a]) * way * normal[a]).sum();
-        let words = if figures.letters.is_some() { UP[axis] } else { UP_ALONG[axis] };
+        let sides = if figures.letters.is_some() { PATIENT } else { AXES };
+        let words = format!("mm from the middle, + is {}", sides[axis]);
         ui.strong(format!("Plane {id} keeps the {}", side(normal, figures.letters.is_some())));
         let full = format!("Plane {id}");
         let mut at = self.value(&full, there);
-        for response in slider(ui, &full, words, &mut at, -half..=half, Scale::Even) {
+        for response in slider(ui, &full, &words, &mut at, -half..=half, Scale::Even) {
             let point = std::array::from_fn(|a| plane.point[a] + (at - there) * way * normal[a]);
             let part = ClipPart::Plane(HalfSpace { point, ..*plane });
             self.turned(&response, (&full, at), || Request::MoveClip { clip: id, part });
@@ -114,7 +113,7 @@ impl Window {
 
     fn cuboid(&mut self, ui: &mut Ui, id: u32, figures: &Figures, cuboid: &Cuboid) {
         ui.strong(format!("Box {id} keeps what lies in it"));
-        for (a, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        for (a, axis) in AXES.into_iter().enumerate() {
             ui.horizontal(|ui| {
                 for (end, word) in ["from", "to"].into_iter().enumerate() {
                     ui.weak(if end == 0 { format!("{axis} {word}") } else { word.to_owned() });

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use egui::scroll_area::ScrollBarVisibility;
 use egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
 use ivd_frames::{KEYS, Missed, Request, Saved, Source};
 
@@ -319,8 +318,7 @@ impl Dialog {
                 ui.heading("Mouse and keyboard");
                 // As much as there is room for.
                 let room = (ui.ctx().content_rect().height() - 160.0).max(200.0);
-                let list = ScrollArea::vertical().max_height(room).min_scrolled_height(room);
-                list.scroll_bar_visibility(ScrollBarVisibility::VisibleWhenNeeded).show(ui, |ui| {
+                ScrollArea::vertical().max_height(room).min_scrolled_height(room).show(ui, |ui| {
                     let all: Vec<_> = KEYS.iter().chain(&OWN).collect();
                     // Beside the bar.
                     ui.set_max_width(ui.available_width() - 14.0);

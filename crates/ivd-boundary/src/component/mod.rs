@@ -64,31 +64,27 @@ pub fn component(
         exec.check_cancelled()?;
         let components = runs.components()?;
         exec.check_cancelled()?;
-        let (kept, size) = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
+        let kept = kept_component(volume, labels, params, &chosen, &members, &runs, &components)?;
+        let may_be_enclosed = params.above.is_some() && params.seed.is_none() && params.fill_holes;
+        let around = if may_be_enclosed { all_round(&runs, &components, kept, dims) } else { Vec::new() };
+        let first = runs.linear(runs.first(kept as usize));
         let mut inside = vec![0_u8; volume.grid().len()];
-        let isolate = |kept: u32, inside: &mut [u8]| {
-            draw(&runs, &components, kept, dims, inside);
+        let (mut taken, mut filled) = (kept, 0);
+        // It holds its own first voxel: the last one is taken where no other encloses that.
+        for piece in around.into_iter().chain([kept]) {
+            draw(&runs, &components, piece, dims, &mut inside);
             exec.check_cancelled()?;
-            let fill = |inside| holes::fill(inside, dims, &runs, &components, kept, volume, &|_| true);
-            if params.fill_holes { fill(inside) } else { Ok(0) }
-        };
-        let mut filled = None;
-        if params.above.is_some() && params.seed.is_none() && params.fill_holes {
-            let [x, y, z] = runs.first(kept as usize);
-            let first = x + dims[0] * (y + dims[1] * z);
-            for around in all_round(&runs, &components, kept) {
-                let with = isolate(around, &mut inside)?;
-                if inside[first] == 1 {
-                    filled = Some((with, Some(size)));
-                    break;
-                }
-                inside.fill(0);
+            if params.fill_holes {
+                filled = holes::fill(&mut inside, dims, &runs, &components, piece, volume, &|_| true)?;
             }
+            if inside[first] == 1 {
+                taken = piece;
+                break;
+            }
+            inside.fill(0);
         }
-        let (filled, encloses) = match filled {
-            Some(filled) => filled,
-            None => (isolate(kept, &mut inside)?, None),
-        };
+        let is_of_kept = |run: &usize| components[*run] == kept;
+        let size = || (0..runs.len()).filter(is_of_kept).map(|run| runs.span(run).len() as u64).sum();
         let mask = Mask::new(volume.grid().clone(), inside.into())?;
         Ok(Component {
             voxels: mask.count(),
@@ -96,14 +92,14 @@ pub fn component(
             class: chosen.class,
             components: piece_count(&components),
             filled,
-            encloses,
+            encloses: (taken != kept).then(size),
             lower: chosen.lower,
             upper: chosen.upper,
         })
     })
 }
 
-/// The component at the seed, or the largest with its voxels.
+/// The component at the seed, or the largest.
 fn kept_component(
     volume: &Volume,
     labels: Option<&Labels>,
@@ -112,7 +108,7 @@ fn kept_component(
     members: &Members,
     runs: &Runs,
     components: &[u32],
-) -> Result<(u32, u64), Error> {
+) -> Result<u32, Error> {
     if runs.len() == 0 {
         return Err(choice::nothing_there(volume, labels, chosen));
     }
@@ -120,7 +116,7 @@ fn kept_component(
         let [x, y, z] = choice::seed_voxel(volume, seed)?;
         let at_seed = runs.row(y, z).find(|&run| runs.span(run).contains(&x));
         return match at_seed {
-            Some(run) => Ok((components[run], 0)),
+            Some(run) => Ok(components[run]),
             None => Err(choice::seed_elsewhere(volume, labels, chosen, members, seed)),
         };
     }
@@ -129,14 +125,12 @@ fn kept_component(
         sizes[component as usize] += runs.span(run).len() as u64;
     }
     let largest = (0..sizes.len() as u32).max_by_key(|&run| (sizes[run as usize], std::cmp::Reverse(run)));
-    let largest = largest.expect("there is a run");
-    Ok((largest, sizes[largest as usize]))
+    Ok(largest.expect("there is a run"))
 }
 
 /// The pieces that lie on all six sides of a piece's first voxel, the outermost of those that enclose it before the others.
-fn all_round(runs: &Runs, components: &[u32], piece: u32) -> Vec<u32> {
+fn all_round(runs: &Runs, components: &[u32], piece: u32, [_, ny, nz]: [usize; 3]) -> Vec<u32> {
     let [x, y, z] = runs.first(piece as usize);
-    let [_, ny, nz] = runs.size();
     let has = |y: usize, z: usize, other: u32| {
         runs.row(y, z).any(|run| components[run] == other && runs.span(run).contains(&x))
     };

@@ -261,7 +261,7 @@ mod tests {
         let [outer, inner] = [OUTER, INNER].map(|radius| {
             vertex(&anchor(&lattice, [MIDDLE, MIDDLE, MIDDLE + radius], None).unwrap().0).vertex
         });
-        let (mut sides, taken_last) = (Sides::default(), outer);
+        let mut sides = Sides::default();
         for (level, taken, is_known) in
             [(3, outer, true), (4, inner, false), (5, outer, true), (2, inner, true), (3, outer, false)]
         {
@@ -270,8 +270,8 @@ mod tests {
             assert!(sides.of(1 + u32::from(level), taken, 5.0).is_some(), "a handle of its own has a side");
         }
         // What is present is known whatever else was; of what is gone, the newest.
-        (10..2000).for_each(|id| _ = sides.of(id, taken_last, 5.0));
-        sides.keep(&lattice, 3, [(0, taken_last, 5.0)].into_iter());
+        (10..2000).for_each(|id| _ = sides.of(id, outer, 5.0));
+        sides.keep(&lattice, 3, [(0, outer, 5.0)].into_iter());
         assert_eq!((sides.lowest.len(), sides.lowest.contains_key(&0)), (1 + MOST_GONE, true));
         let (mut wrong, mut far) = (0, 0.0_f64);
         for n in 0..500 {

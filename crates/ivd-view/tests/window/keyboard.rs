@@ -1,5 +1,7 @@
 //! By keyboard alone: open, take a handle from the list, move it, undo, export.
 
+use std::path::Path;
+
 use egui::{Event, Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 use ivd_frames::{Figures, Source};
@@ -34,17 +36,22 @@ pub(crate) fn typed(here: &mut Here, text: &str) {
     here.harness.step();
 }
 
+/// With a shortcut that asks for a path.
+fn path_typed(here: &mut Here, key: Key, path: &Path) {
+    here.harness.key_press_modifiers(Modifiers::COMMAND, key);
+    here.harness.step();
+    here.harness.step();
+    tab_to(here, "Path");
+    typed(here, &path.display().to_string());
+}
+
 #[test]
 fn a_session_needs_no_pointer() {
     let folder = std::sync::Arc::new(tempfile::tempdir().unwrap());
     let source = scene(folder.path(), BALL);
     let mut here = Here::new(folder, None, None);
     here.harness.step();
-    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::O);
-    here.harness.step();
-    here.harness.step();
-    tab_to(&mut here, "Path");
-    typed(&mut here, &source.file.unwrap().display().to_string());
+    path_typed(&mut here, Key::O, &source.file.unwrap());
     here.settle();
 
     tab_to(&mut here, "Place of a new handle, at rest, mm");
@@ -74,21 +81,13 @@ fn a_session_needs_no_pointer() {
     here.harness.key_press(Key::ArrowUp);
     here.told("another slice", |told| told.slices[0].slice == slice + 1);
 
-    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::S);
-    here.harness.step();
-    here.harness.step();
     let kept = here.folder.path().join("kept.toml");
-    tab_to(&mut here, "Path");
-    typed(&mut here, &kept.display().to_string());
+    path_typed(&mut here, Key::S, &kept);
     here.until("it is written", |_| kept.exists());
     let told = here.told("nothing would be lost", |told| !told.unsaved);
 
-    here.harness.key_press_modifiers(Modifiers::COMMAND, Key::E);
-    here.harness.step();
-    here.harness.step();
     let exported = here.folder.path().join("deformed.nii.gz");
-    tab_to(&mut here, "Path");
-    typed(&mut here, &exported.display().to_string());
+    path_typed(&mut here, Key::E, &exported);
     here.until("the volume is written", |_| exported.exists());
     // What was kept is what was shown.
     let mut again =
