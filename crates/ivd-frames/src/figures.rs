@@ -225,6 +225,8 @@ pub struct Class {
     pub name: Option<String>,
     /// How much of it there is (ml), where that is known.
     pub ml: Option<f64>,
+    /// How much of the surface that is moved it has, 0…1; `None` where classes aren't known.
+    pub of_surface: Option<f64>,
     /// Values that it is seen at.
     pub values: [f64; 2],
     /// Whether it isn't drawn.

@@ -176,7 +176,7 @@ pub enum Request {
         at: [f64; 2],
     },
     /// Cuts the volume's picture open where the slices meet: along the slice of a pane, or square to the line of sight for the volume's own. What lies on the
-    /// viewer's side isn't drawn.
+    /// viewer's side isn't drawn. Where they meet near the body's edge, they go to its middle first.
     Cut {
         /// Along which; `None` for the whole volume.
         #[serde(default)]

@@ -48,7 +48,7 @@ impl Model {
                 let labels = self.session().shown_labels().ok_or_else(|| Error::Request {
                     what: "save",
                     problem: "no labels of its parts are shown".to_owned(),
-                    remedy: "open it with labels (--labels FILE), and let one of these parts move (boundary.class)",
+                    remedy: "open it with labels (--labels FILE, or File ▸ Open labels of a window), and let one of these parts move (boundary.class)",
                 })?;
                 written(name, &labels.clone().into_artefact(), ExportOptions::default(), exec)?
             }

@@ -77,8 +77,9 @@ impl Window {
                 .push(format!("made again: handles took vertices up to {away:.1} mm from where they were"));
         }
         let is_open = |before: &Before| self.work.as_ref().is_some_and(|work| work.source == before.again);
-        let before = self.before.take().filter(|before| is_open(before) && !figures.missed.is_empty());
-        if let Some(before) = before {
+        let before = self.before.take().filter(is_open);
+        self.previous = before.as_ref().map(|before| before.source.clone()).or(self.previous.take());
+        if let Some(before) = before.filter(|_| !figures.missed.is_empty()) {
             self.dialog = Some(Dialog::Missed { missed: figures.missed.clone(), before });
         }
     }
@@ -97,6 +98,8 @@ pub(crate) struct Seen {
 impl Seen {
     fn of(figures: &Figures) -> Self {
         let (cut, overlay) = (Request::Cut { along: figures.cut }, Request::Overlay { of: figures.overlay });
+        // Looking inside may take the slices elsewhere.
+        let sight = Request::Show { sight: figures.sight() };
         // They go with the body, which may have moved otherwise: at rest they are where they were.
         let ruler = |ruler: &Ruler| Request::Ruler { ruler: None, places: ruler.rest.clone() };
         let mut rulers: Vec<Request> = figures.rulers.iter().map(ruler).collect();
@@ -109,7 +112,7 @@ impl Seen {
             sight: Some(figures.sight()),
             classes: figures.classes.clone(),
             handles: figures.handles.clone(),
-            requests: [cut, overlay].into_iter().chain(rulers).collect(),
+            requests: [cut, sight, overlay].into_iter().chain(rulers).collect(),
         }
     }
 }

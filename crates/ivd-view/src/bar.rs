@@ -6,7 +6,7 @@ use ivd_render::Side;
 
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
-use crate::keys::{self, OWN};
+use crate::keys::{self, Focus, OWN};
 use crate::layout::Layout;
 use crate::over::name;
 use crate::system::Purpose;
@@ -43,7 +43,10 @@ impl Window {
     /// Shows the bar.
     pub(crate) fn bar(&mut self, ui: &mut Ui) {
         MenuBar::new().ui(ui, |ui| {
-            ui.menu_button("File", |ui| self.file_menu(ui));
+            let file = ui.menu_button("File", |ui| self.file_menu(ui)).response;
+            if self.focus.take_if(|to| *to == Focus::Menus).is_some() {
+                file.request_focus();
+            }
             ui.menu_button("Edit", |ui| self.edit_menu(ui));
             ui.menu_button("View", |ui| self.view_menu(ui));
             if ui.button("Keys").on_hover_text("Mouse and keyboard: ?").clicked() {

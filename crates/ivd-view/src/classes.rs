@@ -8,6 +8,12 @@ use crate::window::Window;
 /// What classes are.
 const ABOUT: &str = "Voxels with similar values, or those to which a file of labels gives one label. Here stand the values and the volume of each; the one under the pointer is underlined, and Colours over slices can show where each lies";
 
+/// Less of the surface isn't told.
+const LEAST_TOLD: f64 = 0.005;
+
+/// What the numbers of a class are.
+const ALONG: &str = "Its volume, its values, and how much of the surface that is moved is made of it: of a head the class with most of it is what lies at the skin";
+
 /// Where stiffness changes something.
 const SHOWS: &str = "Stiffness shows where two of them lie within a handle's reach, or where a force pulls.";
 
@@ -22,7 +28,7 @@ impl Window {
         }
         ui.heading("Classes").on_hover_text(ABOUT);
         if !figures.classes.is_empty() {
-            ui.weak("drawn, colour, opacity, volume, values");
+            ui.weak("drawn, colour, opacity, volume, values, share of the surface");
             ui.horizontal(|ui| self.all_classes(ui, figures));
         }
         if !figures.matter.is_empty() {
@@ -53,7 +59,7 @@ impl Window {
     }
 
     fn class(&mut self, ui: &mut Ui, class: &Class, is_pointed: bool) {
-        let Class { id, name, ml, values: [low, high], hidden, opacity, colour } = class;
+        let Class { id, name, ml, of_surface, values: [low, high], hidden, opacity, colour } = class;
         ui.spacing_mut().slider_width = 44.0;
         ui.spacing_mut().item_spacing.x = 5.0;
         let mut is_seen = !hidden;
@@ -69,8 +75,11 @@ impl Window {
         let slid = slid.on_hover_text(format!("opacity {opacity:.3}"));
         let much = ml.map_or_else(String::new, |ml| format!("{} ml, ", rounded(ml)));
         let named = name.as_ref().map_or_else(String::new, |name| format!("{name}: "));
-        let told = format!("{named}{much}{low:.0} to {high:.0}");
-        ui.add(Label::new(RichText::new(told).weak()).truncate());
+        let along = of_surface.filter(|share| *share >= LEAST_TOLD);
+        let along =
+            along.map_or_else(String::new, |share| format!(", {:.0} % of the surface", 100.0 * share));
+        let told = format!("{named}{much}{low:.0} to {high:.0}{along}");
+        ui.add(Label::new(RichText::new(told).weak()).wrap()).on_hover_text(ALONG);
         if seen.changed() || coloured.changed() || slid.changed() {
             let [red, green, blue] = rgb;
             let colour =

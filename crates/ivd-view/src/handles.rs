@@ -4,7 +4,7 @@ use egui::{Button, Grid, InputState, Key, Label, RichText, TextEdit, Ui};
 use ivd_frames::{Figures, Pane, Request, Spot};
 
 use crate::gestures::go_to;
-use crate::keys::is_pressed_anew;
+use crate::keys::{Focus, is_pressed_anew};
 use crate::number::number;
 use crate::window::Window;
 
@@ -110,7 +110,7 @@ impl Window {
             ui.label("place (mm)");
             let field = TextEdit::singleline(&mut self.typed.place).hint_text("x, y, z").desired_width(110.0);
             let field = ui.add(field).accessible_name("Place of a new handle, at rest, mm");
-            if figures.handles.is_empty() && std::mem::take(&mut self.to_handles) {
+            if figures.handles.is_empty() && self.focus.take_if(|to| *to == Focus::Handles).is_some() {
                 field.request_focus();
                 field.scroll_to_me(None);
             }
@@ -188,7 +188,7 @@ impl Window {
             self.ask(Request::Remove { handle: id });
         }
         let worked_on = self.selected.or_else(|| figures.handles.first().map(|one| one.id));
-        if worked_on == Some(id) && std::mem::take(&mut self.to_handles) {
+        if worked_on == Some(id) && self.focus.take_if(|to| *to == Focus::Handles).is_some() {
             go.request_focus();
             go.scroll_to_me(None);
         }

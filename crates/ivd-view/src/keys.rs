@@ -24,7 +24,7 @@ pub(crate) const BOTH: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE,
 const REDO_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Y);
 
 /// Keys and buttons that this window has beside those of every window.
-pub(crate) const OWN: [(&str, &str); 9] = [
+pub(crate) const OWN: [(&str, &str); 10] = [
     ("Ctrl+O, Ctrl+S, Ctrl+E, Ctrl+Q", "open, save the scene, export the deformed volume, quit"),
     ("Ctrl+R", "record the volume's picture; again: stop, and keep it"),
     (
@@ -35,6 +35,7 @@ pub(crate) const OWN: [(&str, &str); 9] = [
     ("double click, with the tool Turn", "one picture alone; again: all of them"),
     ("Tab", "to the next part of the window; Space or Enter presses it"),
     ("F6", "to the list of handles, where each is moved by typing"),
+    ("F10", "to the menus: Enter opens one, Tab goes on"),
     ("Ctrl++, Ctrl+-", "larger and smaller letters"),
     ("? or F1", "this list"),
 ];
@@ -46,6 +47,15 @@ const SIDES: [(Key, Side); 3] = [(Key::Num1, Side::Front), (Key::Num3, Side::Lef
 pub(crate) fn is_pressed_anew(input: &InputState, key: Key) -> bool {
     let is_new = |event: &Event| matches!(event, Event::Key { key: it, pressed: true, repeat: false, .. } if *it == key);
     input.events.iter().any(is_new)
+}
+
+/// Where keys take what is typed next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Focus {
+    /// To the menus.
+    Menus,
+    /// To the list of handles.
+    Handles,
 }
 
 impl Window {
@@ -78,8 +88,11 @@ impl Window {
         if shortcut(&QUIT) {
             quit(context);
         }
+        if pressed(Key::F10) {
+            self.focus = Some(Focus::Menus);
+        }
         if pressed(Key::F6) {
-            self.to_handles = self.shown.figures().is_some();
+            self.focus = self.shown.figures().map(|_| Focus::Handles);
         }
         // A field that nothing was typed into has nothing to take back itself.
         if context.text_edit_focused() && !is_as_it_was(context) {

@@ -11,17 +11,27 @@ use crate::window::Window;
 const CLASSES_GO: &str =
     "With a value that is said no classes are looked for: their colours and stiffness go.";
 
+/// What the value of the surface is.
+const VALUE: &str = "The surface lies where the scan's values pass this one, given or found";
+/// What pieces are.
+const PIECES: &str = "A surface that is found by values often has specks of noise beside the body: those that enclose less are left out of it";
+/// What is made as before.
+const AS_BEFORE: &str = "The surface that there was before this one, with all that was done since: undoing takes back steps, not a surface";
+
 /// What is wanted otherwise, as it is typed and chosen.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Wish {
     iso: String,
     part: Option<String>,
+    min_part: String,
 }
 
 impl Wish {
     /// As it is.
     fn of(made: &Made) -> Self {
-        Self { iso: made.iso.map_or_else(String::new, |iso| iso.to_string()), part: made.part.clone() }
+        let told = |number: Option<f64>| number.map_or_else(String::new, |number| number.to_string());
+        let min_part = told(Some(made.min_part).filter(|least| *least > 0.0));
+        Self { iso: told(made.iso), part: made.part.clone(), min_part }
     }
 
     /// The same source with what differs.
@@ -31,6 +41,7 @@ impl Wish {
         for (key, now, was) in [
             ("lattice.iso", Some(&self.iso), Some(&is.iso)),
             ("boundary.class", self.part.as_ref(), is.part.as_ref()),
+            ("lattice.min_part", Some(&self.min_part), Some(&is.min_part)),
         ] {
             if now == was {
                 continue;
@@ -56,12 +67,22 @@ impl Window {
         CollapsingHeader::new("Which surface was found").show(ui, |ui| {
             let made = &figures.made;
             let mut wish = self.wish.take().unwrap_or_else(|| Wish::of(made));
-            let entered = ui.horizontal(|ui| {
-                let field = TextEdit::singleline(&mut wish.iso).hint_text(found(made)).desired_width(110.0);
-                let field = ui.add(field).accessible_name("Value of the surface");
-                ui.label("value of the surface");
-                field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter))
-            });
+            let mut is_entered = false;
+            let mut field = |ui: &mut Ui, text: &mut String, hint: &str, [name, label, about]: [&str; 3]| {
+                ui.horizontal(|ui| {
+                    let field = ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(110.0));
+                    let field = field.accessible_name(name).on_hover_text(about);
+                    ui.label(label).on_hover_text(about);
+                    is_entered |= field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+                });
+            };
+            field(ui, &mut wish.iso, &found(made), ["Value of the surface", "value of the surface", VALUE]);
+            field(
+                ui,
+                &mut wish.min_part,
+                "none",
+                ["Pieces left out, below mm³", "mm³: smaller pieces are left out", PIECES],
+            );
             let loses_classes =
                 made.iso.is_none() && !wish.iso.trim().is_empty() && !figures.classes.is_empty();
             part(ui, figures, &mut wish.part);
@@ -74,8 +95,15 @@ impl Window {
             let again = if is_last { again.on_disabled_hover_text(why_not) } else { again };
             let again =
                 again.on_hover_text("Opens the same once more, made so, and does again what was done");
-            if again.clicked() || entered.inner && again.enabled() {
+            if again.clicked() || is_entered && again.enabled() {
                 self.make_again(&wish, made);
+            }
+            if let Some(source) = self.previous.clone() {
+                let back = ui.add_enabled(!is_last, egui::Button::new("Make as before"));
+                let back = back.on_hover_text(AS_BEFORE).on_disabled_hover_text(why_not);
+                if back.clicked() {
+                    self.make_of(source);
+                }
             }
             // Below what may be pressed, which stays where it is.
             if loses_classes {
@@ -98,12 +126,16 @@ impl Window {
                     "what is made of it is said by the scene itself: say another value, or change the scene";
                 self.complain(problem.to_owned());
             }
-            Ok(source) => {
-                work.ask_for_log();
-                self.making = Some(Making::of(source));
-            }
+            Ok(source) => self.make_of(source),
             Err(problem) => self.complain(problem),
         }
+    }
+
+    /// Opens it by a source of the same, as soon as it is known what was done to it.
+    fn make_of(&mut self, source: Source) {
+        let Some(work) = &self.work else { return };
+        work.ask_for_log();
+        self.making = Some(Making::of(source));
     }
 }
 
@@ -155,8 +187,10 @@ mod tests {
         let is = Wish::of(&made);
         assert_eq!(said(&is), ["lattice.iso=40"]);
         assert_eq!(said(&Wish { iso: " 60.5 ".to_owned(), ..is.clone() }), ["lattice.iso=60.5"]);
-        let part = Wish { iso: String::new(), part: Some("3".to_owned()) };
+        let part = Wish { iso: String::new(), part: Some("3".to_owned()), ..Wish::of(&Made::default()) };
         assert_eq!(said(&part), ["boundary.class=3"]);
+        let specks = Wish { min_part: "2.5".to_owned(), ..is.clone() };
+        assert_eq!(said(&specks), ["lattice.iso=40", "lattice.min_part=2.5"]);
         let above = Made { between: [Some(61.5), None], ..Made::default() };
         let taken_out = part.source(&above, &Source::default()).unwrap().overrides;
         assert_eq!(

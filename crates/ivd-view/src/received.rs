@@ -138,6 +138,9 @@ impl Window {
             let known =
                 |id: u32| self.shown.figures().is_none_or(|was| was.handles.iter().any(|one| one.id == id));
             let added = frame.figures.handles.iter().map(|one| one.id).find(|id| !known(*id));
+            // Of what is opened with handles the last is worked on.
+            let last =
+                frame.figures.handles.last().filter(|_| self.shown.figures().is_none()).map(|one| one.id);
             if let Some(far) = frame.figures.handles.iter().find(|one| one.away_mm > AWAY && !known(one.id)) {
                 self.say(format!(
                     "Handle {} took the surface's nearest vertex, {:.1} mm away: a lower level has a closer one.",
@@ -145,7 +148,7 @@ impl Window {
                 ));
             }
             let is_there = |id: &u32| frame.figures.handles.iter().any(|one| one.id == *id);
-            self.selected = frame.figures.held.or(added).or(self.selected).filter(is_there);
+            self.selected = frame.figures.held.or(added).or(self.selected).or(last).filter(is_there);
             let before = self.shown.figures().and_then(refusal).map(|word| word.text);
             match refusal(&frame.figures) {
                 // What was told already isn't told again for what only looks.

@@ -18,7 +18,7 @@ const FADES: &str = "How the motion fades from the surface inwards. Not at all: 
 /// How voxels follow.
 const FOLLOW: &str = "What lies within goes as the nearest of the surface does, which is quick, or as smoothly as it can, which squeezes less and takes longer";
 /// What is looked into.
-const INSIDE: &str = "Leaves out of the volume's picture what lies before that slice. It is for looking alone, and the slices move it";
+const INSIDE: &str = "Leaves out of the volume's picture what lies before that slice. It is for looking alone, and the slices move it; where they meet near the body's edge, they go to its middle first";
 /// What colours over slices tell of.
 const OVER: &str = "How far voxels have moved, how much they are squeezed or stretched, or of which class they are, as colours over the slices";
 /// Stiffness that the slider ends at (N/m).
@@ -158,7 +158,7 @@ impl Window {
         let shown = (figures.depth, word.unwrap_or("–"));
         // Nothing else changes its place where there is nothing to choose.
         let chosen = ui.add_enabled_ui(figures.depth.is_some(), |ui| {
-            list(ui, ["Fades with depth", FADES], shown, WEIGHTS)
+            list(ui, ["Motion fades with depth", FADES], shown, WEIGHTS)
         });
         let weight = chosen.inner;
         chosen.response.on_disabled_hover_text("To be chosen where voxels follow the nearest");

@@ -7,10 +7,10 @@ use crate::handles::length;
 use crate::window::Window;
 
 /// What a figure of the line means.
-const MEANS: &str = "Largest motion: of any voxel. Volume kept: the least share of its volume that any place keeps, by a proven bound; above 0 nothing folds.";
+const MEANS: &str = "Largest motion: of any voxel. Volume kept: the least share of its volume that any voxel keeps, by a proven bound; above 0 nothing folds.";
 
-/// What a click on a warning does.
-const WHERE: &str = "A click takes the slices to where most is squeezed, with colours that tell how much. A larger radius or a smaller move squeezes less.";
+/// What is shown of what is squeezed.
+const WHERE: &str = "The button takes the slices to where most is squeezed, with colours that tell how much. A larger radius or a smaller move squeezes less.";
 /// What it means that voxels stay behind.
 const STAY_BEHIND: &str = "Where voxels would fold if they followed the surface all the way, they stay behind it, by this much at most. A larger radius or a smaller move leaves less behind.";
 /// What it means that something is cut off.
@@ -73,10 +73,11 @@ impl Window {
         let squeezed = squeezed.map(warn);
         let others = [(cut_off.map(warn), CUT_OFF), (left.map(warn), STAY_BEHIND)];
         if let Some(squeezed) = squeezed {
-            let button = egui::Button::new(squeezed).frame(false).wrap_mode(egui::TextWrapMode::Truncate);
-            if ui.add(button).on_hover_text(WHERE).clicked() {
+            // Before the words, which may be cut short.
+            if ui.small_button("Show where").on_hover_text(WHERE).clicked() {
                 self.ask(Request::ShowSqueezed);
             }
+            ui.add(egui::Label::new(squeezed).truncate()).on_hover_text(WHERE);
         }
         for (other, means) in others {
             if let Some(other) = other {
@@ -165,7 +166,7 @@ fn progress(ui: &mut Ui, bar: ProgressBar) {
 /// What the last motion came to.
 fn told(figures: &Figures) -> String {
     format!(
-        "largest motion {:.2} mm · volume kept ≥ {} % · {} vertices at level {}",
+        "largest motion {:.2} mm · voxels keep {} % of their volume or more · {} vertices at level {}",
         figures.largest_mm,
         percent(figures.min_det_j),
         figures.vertices,

@@ -8,6 +8,7 @@ use crate::awaited::Awaited;
 use crate::dialogs::{Dialog, Then};
 use crate::gestures::Hands;
 use crate::handles::Typed;
+use crate::keys::Focus;
 use crate::layout::Layout;
 use crate::made::Wish;
 use crate::pane::places;
@@ -55,14 +56,16 @@ pub struct Window {
     pub(crate) making: Option<Making>,
     /// What is made again, and what was open before it, to go back to.
     pub(crate) before: Option<Before>,
+    /// How it was opened before it was made otherwise.
+    pub(crate) previous: Option<Source>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.
     pub(crate) typed: Typed,
     /// The handle that was worked on last, if it is there still.
     pub(crate) selected: Option<u32>,
-    /// Whether the list of handles is to have the keys.
-    pub(crate) to_handles: bool,
+    /// What is to have the keys.
+    pub(crate) focus: Option<Focus>,
     /// Where a ruler begins that is put by keyboard (mm, RAS).
     pub(crate) ruler_from: Option<[f64; 3]>,
     /// Where a bone begins that is made by keyboard.
@@ -106,10 +109,11 @@ impl Window {
             wish: None,
             making: None,
             before: None,
+            previous: None,
             seen: Seen::default(),
             typed: Typed::default(),
             selected: None,
-            to_handles: false,
+            focus: None,
             ruler_from: None,
             bone_from: None,
             photograph: None,

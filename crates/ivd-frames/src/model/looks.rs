@@ -219,6 +219,7 @@ impl Model {
     /// The classes, as they look.
     pub(crate) fn classes(&self) -> Vec<Class> {
         let seen = self.entries().filter(|entry| entry.role != ClassRole::Transition);
+        let along = self.shares_along();
         let classes = seen.map(|entry| {
             let look = self.looks.get(&entry.class).cloned().unwrap_or_default();
             let [red, green, blue] = entry.rgb.map(srgb::byte);
@@ -233,6 +234,7 @@ impl Model {
                 id: entry.class,
                 name: known.and_then(|known| known.name.clone()).or_else(by_value),
                 ml: known.map(|known| known.voxels as f64 * voxel * MILLILITRE),
+                of_surface: known.map(|_| along.get(&entry.class).copied().unwrap_or(0.0)),
                 values: [entry.lower, entry.upper],
                 hidden: look.hidden,
                 opacity: look.opacity.unwrap_or(f64::from(entry.opacity)),

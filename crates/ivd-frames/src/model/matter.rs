@@ -1,5 +1,7 @@
 //! How the lattice follows, and how stiff classes are.
 
+use std::collections::BTreeMap;
+
 use ivd_motion::mass_spring::{Material, Params, Solver, Springs, classes_along};
 use ivd_motion::ring::RingParams;
 use ivd_session::{Event, Physics};
@@ -27,14 +29,20 @@ impl Model {
         self.apply(Event::Material { class, material })
     }
 
-    /// Finds which classes lie along the lattice, where that counts.
+    /// Finds which classes lie along the lattice.
     pub(super) fn find_classes(&mut self) {
         let level = self.session.settings().level;
         let is_found = self.along.as_ref().is_some_and(|(at, _)| *at == level);
-        let by_springs = matches!(self.session.settings().physics, Physics::Springs(_));
-        if let (Some(labels), true) = (&self.subject.labels, by_springs && !is_found) {
+        if let (Some(labels), false) = (&self.subject.labels, is_found) {
             self.along = Some((level, classes_along(self.session.lattice(), labels)));
         }
+    }
+
+    /// How much of the lattice's area that is of a class each has, 0…1.
+    pub(super) fn shares_along(&self) -> BTreeMap<u16, f64> {
+        let Some((_, along)) = &self.along else { return BTreeMap::new() };
+        let whole: f64 = along.values().sum();
+        along.iter().filter(|_| whole > 0.0).map(|(class, area)| (*class, area / whole)).collect()
     }
 
     /// How stiff classes are, where they may differ.
@@ -49,7 +57,7 @@ impl Model {
             Some(Material { tissue: None, youngs_kpa: None, .. }) | None => all,
             Some(_) => None,
         };
-        classes.iter().map(|class| Matter { class: *class, stiffness: stiffness(class) }).collect()
+        classes.keys().map(|class| Matter { class: *class, stiffness: stiffness(class) }).collect()
     }
 }
 

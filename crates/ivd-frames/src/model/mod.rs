@@ -5,6 +5,7 @@ mod clips;
 mod compare;
 mod cut_off;
 mod hand;
+mod inside;
 mod looks;
 mod map;
 mod matter;
@@ -21,6 +22,7 @@ mod told;
 mod viewed;
 mod window;
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use ivd_core::{BRICK, Cancel, Exec, Labels, TransferFunction, Volume};
@@ -71,8 +73,8 @@ pub struct Model {
     missed: Vec<Missed>,
     /// By slice, whether it was clipped when its pane had a version.
     clipped: [(u64, bool); 3],
-    /// Classes along the lattice of a level.
-    along: Option<(u8, Vec<u16>)>,
+    /// Classes along the lattice of a level, and their areas (mm²).
+    along: Option<(u8, BTreeMap<u16, f64>)>,
     spots: Vec<Spot>,
     pins: Vec<Spot>,
     /// How far the lattice goes beyond the scan's edge (mm).
@@ -294,11 +296,7 @@ impl Model {
                 }
                 Ok(())
             }
-            Request::Cut { along } => {
-                self.panes.cut = *along;
-                self.touch(&[Pane::Volume]);
-                Ok(())
-            }
+            Request::Cut { along } => self.look_inside(*along),
             Request::ShowSqueezed => {
                 self.show_squeezed();
                 Ok(())

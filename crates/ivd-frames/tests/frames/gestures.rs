@@ -320,6 +320,30 @@ fn a_cut_opens_the_volume_towards_whoever_looks() {
 }
 
 #[test]
+fn what_is_looked_into_near_its_edge_is_opened_in_its_middle() {
+    let mut model = model(BALL);
+    // As where a handle on its front was dragged.
+    let at = model.figures().cross_at[Pane::Sagittal.number()].unwrap();
+    for (along, steps, middle) in
+        [(Pane::Volume, 11, true), (Pane::Coronal, 11, true), (Pane::Coronal, 6, false)]
+    {
+        let steps = Request::Slice { pane: Pane::Coronal, steps };
+        let before = follow(&mut model, &steps).cross;
+        let told = follow(&mut model, &Request::Cut { along: Some(along) });
+        assert_eq!((told.cross[0], told.cross[2]), (before[0], before[2]));
+        let is_middle = (told.cross[1] - 16.0).abs() < 1.0;
+        assert_eq!((is_middle, told.cross == before), (middle, !middle), "{along:?}, {:?}", told.cross);
+        follow(&mut model, &Request::Cut { along: None });
+        follow(&mut model, &Request::Cross { pane: Pane::Sagittal, at });
+    }
+    // From behind all of it would be left out.
+    follow(&mut model, &Request::Slice { pane: Pane::Coronal, steps: 11 });
+    follow(&mut model, &Request::Look { side: ivd_render::Side::Back });
+    let told = follow(&mut model, &Request::Cut { along: Some(Pane::Coronal) });
+    assert!((told.cross[1] - 16.0).abs() < 1.0, "{:?}", told.cross);
+}
+
+#[test]
 fn a_pin_that_is_too_far_is_refused_and_leaves_the_session_as_it_was() {
     let mut model = model(BALL);
     // In the middle of the ball, more than ten voxel diagonals from its surface at this level there is none; beside it neither.

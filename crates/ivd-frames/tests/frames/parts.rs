@@ -419,6 +419,10 @@ fn classes_lie_over_slices_in_their_colours_and_go_with_the_body() {
     let mut model = model(&by_classes.replace("mode = \"iso\"\niso = 127.5\n", ""));
     let class = model.figures().classes.last().unwrap().clone();
     assert!(class.ml.is_some_and(|ml| ml > 0.5 && ml < 32.0_f64.powi(3) * 1e-3), "{class:?}");
+    // The ball's surface is of its outer class but for little, whichever way its values run.
+    let shares: Vec<f64> = model.figures().classes.iter().filter_map(|class| class.of_surface).collect();
+    assert!(shares.iter().all(|share| (0.0..=1.0).contains(share)), "{shares:?}");
+    assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{shares:?}");
     let red =
         Request::Class { class: class.id, hidden: false, opacity: None, colour: Some("#ff0000".to_owned()) };
     follow(&mut model, &red);

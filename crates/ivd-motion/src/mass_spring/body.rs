@@ -1,6 +1,6 @@
 //! The part of a lattice that handles can move, as masses on springs.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use ivd_core::vertex_class;
 use ivd_core::{Labels, Lattice, sets};
@@ -267,13 +267,17 @@ fn numbers(links: &[Link], vertices: usize, region: &Region) -> Vec<u32> {
     number
 }
 
-/// The classes of matter along a lattice, as springs take them: those of what lies within each vertex, ascending, but for label 0.
-pub fn classes_along(lattice: &Lattice, labels: &Labels) -> Vec<u16> {
+/// The classes of matter along a lattice, as springs take them, with how much of its area each has (mm²): to every vertex belongs what lies within it, and a
+/// third of the triangles round it. What has label 0, or no side, isn't told.
+pub fn classes_along(lattice: &Lattice, labels: &Labels) -> BTreeMap<u16, f64> {
     let rest: Vec<Vector3<f64>> = (0..lattice.keys().len()).map(|v| lattice.world(v).0).collect();
-    let (_, outward) = shares(lattice, &rest, &vec![true; rest.len()]);
-    let classes = outward.iter().enumerate().map(|(v, way)| vertex_class::inside(lattice, labels, v, *way));
-    let classes: BTreeSet<u16> = classes.filter(|class| *class > 0).collect();
-    classes.into_iter().collect()
+    let (area, outward) = shares(lattice, &rest, &vec![true; rest.len()]);
+    let mut classes = BTreeMap::new();
+    for (v, way) in outward.iter().enumerate() {
+        *classes.entry(vertex_class::inside(lattice, labels, v, *way)).or_default() += area[v];
+    }
+    classes.remove(&0);
+    classes
 }
 
 /// A third of the area of its triangles (mm²) for each vertex, and the sum of their normals (mm²).

@@ -72,6 +72,9 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     let told = here.told("of another part, and hidden", |told| {
         told.made.part.as_deref() == Some("largest") && told.classes[0].hidden
     });
+    // And as it was before, with that.
+    chosen(&mut here, "Make as before");
+    here.told("of the first part, and hidden", |told| told.made.part.is_none() && told.classes[0].hidden);
     // A value takes the place of classes: it is said before.
     assert!(!told.classes.is_empty() && !here.has("no classes are looked for"));
     tab_to(&mut here, "Value of the surface");

@@ -261,7 +261,7 @@ fn the_tool_says_how_it_is_used() {
 fn how_the_motion_fades_is_chosen_where_voxels_follow_what_is_nearest() {
     let mut here = Here::ball();
     for (word, weight) in [("not at all", DepthWeight::One), ("evenly", DepthWeight::Linear)] {
-        here.press("Fades with depth");
+        here.press("Motion fades with depth");
         here.harness.run_ok();
         here.press(word);
         here.told(word, |told| told.depth == Some(weight));
@@ -273,6 +273,7 @@ fn how_the_motion_fades_is_chosen_where_voxels_follow_what_is_nearest() {
     here.harness.run_ok();
     here.press("smoothest");
     here.told("smoothest", |told| told.depth.is_none());
-    let choice = |here: &Here| here.harness.get_by_label("Fades with depth").accesskit_node().is_disabled();
+    let choice =
+        |here: &Here| here.harness.get_by_label("Motion fades with depth").accesskit_node().is_disabled();
     here.until("no choice", choice);
 }
