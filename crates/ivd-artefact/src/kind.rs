@@ -1,17 +1,19 @@
 use ivd_core::Kind;
 
+use crate::kinds::{displacement, image, labels, lattice, mask, motion, octree, transfer, tree, volume};
+
 /// Code in the prelude, and newest version that this crate writes and reads, of each kind. Codes are never reused.
 const TABLE: [(Kind, u16, u16); 10] = [
-    (Kind::Volume, 1, 2),
-    (Kind::Labels, 2, 1),
-    (Kind::Mask, 3, 1),
-    (Kind::Transfer, 4, 3),
-    (Kind::Lattice, 5, 1),
-    (Kind::Octree, 6, 1),
-    (Kind::Motion, 7, 2),
-    (Kind::Displacement, 8, 1),
-    (Kind::Image, 9, 2),
-    (Kind::Tree, 10, 1),
+    (Kind::Volume, 1, volume::VERSION),
+    (Kind::Labels, 2, labels::VERSION),
+    (Kind::Mask, 3, mask::VERSION),
+    (Kind::Transfer, 4, transfer::VERSION),
+    (Kind::Lattice, 5, lattice::VERSION),
+    (Kind::Octree, 6, octree::VERSION),
+    (Kind::Motion, 7, motion::VERSION),
+    (Kind::Displacement, 8, displacement::VERSION),
+    (Kind::Image, 9, image::VERSION),
+    (Kind::Tree, 10, tree::VERSION),
 ];
 
 /// How a kind is written in a file.
@@ -49,5 +51,15 @@ mod tests {
             assert_eq!(Kind::from_code(kind.code()), Some(kind));
         }
         assert_eq!(Kind::from_code(0), None);
+    }
+
+    #[test]
+    fn the_page_of_bytes_has_every_kind_and_version() {
+        let page = include_str!("../../../docs/artefacts.md");
+        for kind in Kind::ALL {
+            let versions: Vec<String> = (1..=kind.version()).map(|version| version.to_string()).collect();
+            let row = format!("| {} | {kind} {} |", kind.code(), versions.join(", "));
+            assert!(page.contains(&row), "docs/artefacts.md has no row that begins with `{row}`");
+        }
     }
 }

@@ -24,12 +24,19 @@ fn golden_files_are_read_and_written_again_byte_for_byte() {
         let path = folder.path().join("again.ivd");
         let metrics = json!({"kind": kind.name()});
         write_with_metrics(&path, &sample(kind), &provenance(), &metrics).unwrap();
+        let written = std::fs::read(&path).unwrap();
+        let version = u16::from_le_bytes([written[8], written[9]]);
+        assert_eq!(
+            version,
+            kind.version(),
+            "{kind}: the sample in tests/samples has nothing of the newest version"
+        );
         if std::env::var_os("IVD_BLESS").is_some() && !golden.exists() {
             std::fs::copy(&path, &golden).unwrap();
         }
         let stored =
             std::fs::read(&golden).unwrap_or_else(|e| panic!("{}: {e}; see the head", golden.display()));
-        assert!(stored == std::fs::read(&path).unwrap(), "{kind}: the writer changed");
+        assert!(stored == written, "{kind}: the writer changed");
         let loaded = read(&golden).unwrap();
         write_with_metrics(&path, &loaded.artefact, &loaded.provenance, &loaded.metrics).unwrap();
         assert!(stored == std::fs::read(&path).unwrap(), "{kind}: reading and writing changes it");

@@ -96,7 +96,7 @@ pub struct BoundaryFigures {
 
 impl BoundaryFigures {
     /// Those of any part.
-    fn of(voxels: u64, components: usize, filled: u64, volume: &Volume) -> Self {
+    pub(crate) fn of(voxels: u64, components: usize, filled: u64, volume: &Volume) -> Self {
         let active_fraction = voxels as f64 / volume.grid().len() as f64;
         Self { voxels, active_fraction, components, filled, ..Self::default() }
     }

@@ -9,6 +9,9 @@ use super::sections::{Decoder, SectionBytes};
 use crate::Element;
 use crate::error::Problem;
 
+/// The newest version.
+pub(crate) const VERSION: u16 = 1;
+
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Content {

@@ -1,18 +1,18 @@
 //! One codec a kind: which sections it has, and what it keeps beside them as JSON.
 
-mod displacement;
+pub(crate) mod displacement;
 mod encoded;
-mod image;
-mod labels;
-mod lattice;
-mod mask;
-mod motion;
-mod octree;
+pub(crate) mod image;
+pub(crate) mod labels;
+pub(crate) mod lattice;
+pub(crate) mod mask;
+pub(crate) mod motion;
+pub(crate) mod octree;
 mod real;
 mod sections;
-mod transfer;
-mod tree;
-mod volume;
+pub(crate) mod transfer;
+pub(crate) mod tree;
+pub(crate) mod volume;
 
 pub(crate) use encoded::Encoded;
 pub(crate) use sections::{Decoder, SectionBytes};

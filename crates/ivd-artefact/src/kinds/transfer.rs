@@ -11,6 +11,9 @@ use super::sections::{Decoder, SectionBytes};
 use crate::Element;
 use crate::error::Problem;
 
+/// The newest version.
+pub(crate) const VERSION: u16 = 3;
+
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Content {

@@ -40,7 +40,7 @@ pub(crate) enum Asked {
 }
 
 /// Commands in the order in which help lists them: as data flows, then what looks at results, then the program's own.
-const ORDER: [&str; 24] = [
+const ORDER: &[&str] = &[
     "demo", "pipeline", "import", "phantom", "segment", "atf", "boundary", "lattice", "refine", "octree",
     "deform", "map", "space", "warp", "combine", "clip", "render", "export", "info", "compare", "bench",
     "doctor", "schema", "cache",

@@ -166,8 +166,7 @@ pub struct Stage {
     pub positional: &'static [&'static str],
     /// Its uses in a scene, in the order in which they run.
     pub places: &'static [Place],
-    /// Whether a scene that gives it nothing to do doesn't tell of it: for a stage that few scenes have, whose job says that it is idle
-    /// ([`Op::idle`]) or whose place is [for readers](Place::for_readers).
+    /// Whether a scene that doesn't have its section, or gives it nothing to do ([`Op::idle`]), doesn't tell of it: for a stage that few scenes have.
     pub quiet: bool,
     /// About how much memory its methods take that don't say so themselves ([`crate::op::Op::memory`]).
     pub memory: Memory,

@@ -15,13 +15,16 @@
 //!
 //! - `extend("x-knob" = "accuracy")` that it trades time for exactness: told in the schema.
 //!
-//! A field may be a number, a boolean, a list, or of a type that derives `JsonSchema`: a word of several is an enum
-//! (`#[serde(rename_all = "lowercase")]`), a list of entries by kind a `Vec` of an enum with `#[serde(tag = "kind")]`, as
-//! `[[space.step]]` is, a map by class a `BTreeMap<u16, T>` of structs, whose fields have unit and range (a map has neither), or of numbers or texts of a
-//! type of their own that says them, read by
-//! `deserialize_with = "ivd_core::op::by_class"` where it lies in something flattened. What can't be done without is an `Option` that
-//! [`Op::check_together`] asks for. A new field changes the parameters that a cache key is made of: what is kept of the method is made
-//! again, so that `REVISION` need not be raised for it.
+//! A field may be a number, a boolean, a list, or of a type that derives `JsonSchema`:
+//!
+//! - a word of several: an enum (`#[serde(rename_all = "lowercase")]`);
+//! - a list of entries by kind: a `Vec` of an enum with `#[serde(tag = "kind")]`, as `[[space.step]]` is;
+//! - a map by class: a `BTreeMap<u16, T>`. A map has no unit or range itself; `T` says them: a struct at its fields, as `Material` of ivd-motion, a number
+//!   or text as a type of its own, as `Opacity` of ivd-render: the unit at the type, the range at what it holds. It is read by
+//!   `deserialize_with = "ivd_core::op::by_class"` where its struct is flattened into another, and may be anywhere.
+//!
+//! What can't be done without is an `Option` that [`Op::check_together`] asks for. A new field changes the parameters that a cache key is made of: what is
+//! kept of the method is made again, so that `REVISION` need not be raised for it. It is where the same parameters and inputs give another result.
 //!
 //! Of the things of a list, `extend("x-short" = ["at", "label"])` at their struct names two keys whose values may be written on a command
 //! line without them: `x,y,z=2`. A key may have the name of a slot: on a command line what isn't a value of the key is a file for the slot.

@@ -81,6 +81,8 @@ pub struct PlanNode {
     idle: Option<Idle>,
     unmade: Option<(&'static str, &'static str)>,
     is_quiet: bool,
+    /// Whether the scene has its section.
+    is_written: bool,
 }
 
 /// Why a place has nothing to do.
@@ -108,18 +110,19 @@ impl PlanNode {
             idle: None,
             unmade: None,
             is_quiet: false,
+            is_written: false,
         }
     }
 
     /// Whether the scene gives it something to do of which no output shows anything, though few scenes have it.
     pub(crate) fn is_in_vain(&self) -> bool {
-        self.is_quiet && self.stage.is_some() && !self.needed
+        self.is_quiet && self.is_written && self.stage.is_some() && !self.needed
     }
 
     /// Whether a report of the run names it: a tree that the scene's method doesn't have is no stage of it, nor are steps that it
-    /// doesn't have.
+    /// doesn't have, nor a stage of few scenes that it says nothing of.
     pub(crate) fn is_reported(&self) -> bool {
-        self.stage.is_some() || !self.is_quiet
+        !self.is_quiet || self.stage.is_some() && (self.is_written || self.needed)
     }
 
     /// Whether it does the stage's own job, with the scene's parameters.
@@ -495,6 +498,7 @@ fn placed(scene: &Scene, stage: &'static op::Stage, place: &'static Place, earli
     };
     let last = |value: &str| earlier.iter().rev().find(|n| n.place.gives == value && n.stage.is_some());
     let is_made = |value: &str| last(value).is_some();
+    node.is_written = section.written().is_some();
     // A part that is found by values has no label, nor has a lattice of an isovalue.
     let reads = |node: &PlanNode, slot: &str| node.inputs.iter().any(|(name, _)| *name == slot);
     let gives = |value: &'static str, slot: &'static str| {
