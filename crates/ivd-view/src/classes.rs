@@ -1,7 +1,7 @@
 //! Classes of the transfer function: hidden, recoloured, made translucent.
 
 use egui::{Button, Label, RichText, Slider, Ui};
-use ivd_frames::{Class, Figures, Request};
+use ivd_frames::{Class, Figures, Request, SolverName};
 
 use crate::window::Window;
 
@@ -13,6 +13,9 @@ const LEAST_TOLD: f64 = 0.005;
 
 /// What the numbers of a class are.
 const ALONG: &str = "Its volume, its values, and how much of the surface that is moved is made of it: of a head the class with most of it is what lies at the skin";
+
+/// What springs change.
+const BY_SPRINGS: &str = "By distance alone the surface is as stiff everywhere. By springs each class has a stiffness of its own, and a press squeezes more, right at the handle; Surface follows by, above, goes back";
 
 /// Where stiffness changes something.
 const SHOWS: &str = "Stiffness shows where two of them lie within a handle's reach, or where a force pulls.";
@@ -33,6 +36,14 @@ impl Window {
         }
         if !figures.matter.is_empty() {
             ui.weak(SHOWS);
+        }
+        if figures.solver == "ring" && figures.knows_classes {
+            ui.horizontal(|ui| {
+                ui.weak("stiffness of each:");
+                if ui.button("Follow by springs").on_hover_text(BY_SPRINGS).clicked() {
+                    self.ask(Request::Solver { solver: SolverName::Springs });
+                }
+            });
         }
         let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
         for class in &figures.classes {
@@ -76,8 +87,10 @@ impl Window {
         let much = ml.map_or_else(String::new, |ml| format!("{} ml, ", rounded(ml)));
         let named = name.as_ref().map_or_else(String::new, |name| format!("{name}: "));
         let along = of_surface.filter(|share| *share >= LEAST_TOLD);
-        let along =
-            along.map_or_else(String::new, |share| format!(", {:.0} % of the surface", 100.0 * share));
+        let along = along.map_or_else(String::new, |share| {
+            let outermost = if share > 0.5 { "outermost, " } else { "" };
+            format!(", {outermost}{:.0} % of the surface", 100.0 * share)
+        });
         let told = format!("{named}{much}{low:.0} to {high:.0}{along}");
         ui.add(Label::new(RichText::new(told).weak()).wrap()).on_hover_text(ALONG);
         if seen.changed() || coloured.changed() || slid.changed() {

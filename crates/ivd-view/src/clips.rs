@@ -11,6 +11,8 @@ use crate::window::Window;
 
 /// By how much a field changes when the pointer is dragged over it by a point (mm).
 const SPEED: f64 = 0.25;
+/// How planes and boxes differ from looking inside.
+const TAKEN: &str = "out of slices and files as well:";
 /// Where planes and boxes lie.
 const STAY: &str =
     "Whether planes and boxes stay where they are as the body moves under them, or move with it";
@@ -35,6 +37,7 @@ impl Window {
     pub(crate) fn clips(&mut self, ui: &mut Ui, figures: &Figures) {
         ui.heading("Clip");
         self.look_inside(ui, figures);
+        ui.weak(TAKEN);
         ui.horizontal(|ui| {
             ui.menu_button("Clip by a plane", |ui| self.clip_here(ui)).response.on_hover_text(
                 "A plane through the place where the slices meet; what lies on your side goes",

@@ -35,7 +35,7 @@ const STRAIGHT: f64 = 0.97;
 /// What goes within 45° of the way into the surface or out of it goes in or out.
 const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Into the surface.
-const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest: less than 0 is out; the whole way of what is straight but for 14°. What it goes aside stays";
+const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest; \"out 6\", or -6, pulls it out; the whole way of what is straight but for 14°. What it goes aside stays";
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 
@@ -112,7 +112,6 @@ impl Window {
             let field = ui.add(field).accessible_name("Place of a new handle, at rest, mm");
             if figures.handles.is_empty() && self.focus.take_if(|to| *to == Focus::Handles).is_some() {
                 field.request_focus();
-                field.scroll_to_me(None);
             }
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             if ui.button("Add").on_hover_text("A handle at that place").clicked() || entered {
@@ -152,7 +151,8 @@ impl Window {
             let there = depth(by, out);
             let mut into = self.value(&full, unsigned(there));
             let field = number(ui, &full, &mut into, 1, |field| {
-                field.speed(SPEED).fixed_decimals(1).range(-1e6..=1e6).prefix("in ")
+                let field = field.speed(SPEED).range(-1e6..=1e6);
+                field.custom_formatter(|into, _| in_or_out(into)).custom_parser(read_in_or_out)
             });
             if self.typed.before.as_ref().is_some_and(|before| !before.contains(&id)) {
                 field.request_focus();
@@ -190,7 +190,6 @@ impl Window {
         let worked_on = self.selected.or_else(|| figures.handles.first().map(|one| one.id));
         if worked_on == Some(id) && self.focus.take_if(|to| *to == Focus::Handles).is_some() {
             go.request_focus();
-            go.scroll_to_me(None);
         }
         if go.clicked() {
             go.request_focus();
@@ -251,6 +250,23 @@ pub(crate) fn told(one: &Spot, is_patient: bool) -> Option<String> {
     let ways = if ways.is_empty() { String::new() } else { format!(" {}", ways.join(", ")) };
     let voxels = lag(one).map_or_else(String::new, |gone| format!(", voxels there {gone:.1} mm"));
     Some(format!("{whole:.1} mm{ways}{part}{voxels}"))
+}
+
+/// How far in, in words; out where that is less than 0.
+fn in_or_out(into: f64) -> String {
+    let way = if into < -0.05 { "out" } else { "in" };
+    format!("{way} {:.1}", into.abs())
+}
+
+/// Reads that, or a number, of which less than 0 is out.
+fn read_in_or_out(text: &str) -> Option<f64> {
+    let text = text.trim().to_lowercase();
+    let number = |rest: &str| rest.trim().replace('−', "-").parse::<f64>().ok();
+    match (text.strip_prefix("out"), text.strip_prefix("in")) {
+        (Some(rest), _) => number(rest).map(|out| -out),
+        (None, Some(rest)) => number(rest),
+        (None, None) => number(&text),
+    }
 }
 
 /// How far voxels have gone (mm), where that is noticeably less than they were told to.
@@ -336,6 +352,16 @@ mod tests {
         assert_eq!(told(&spot([3.0, 1.0, 0.0], [3.0, 1.0, 0.0]), false).unwrap(), "3.2 mm");
         assert_eq!(said([0.0; 3], [0.0; 3]), None);
         assert_eq!(told(&Spot { by: None, with: Some([1.0; 3]), ..spot([0.0; 3], [0.0; 3]) }, true), None);
+    }
+
+    #[test]
+    fn a_depth_is_told_by_its_way_and_read_with_it_or_by_its_sign() {
+        assert_eq!([5.0, 0.0, -6.04].map(in_or_out), ["in 5.0", "in 0.0", "out 6.0"]);
+        for (text, into) in [("in 5.5", 5.5), ("out 6", -6.0), (" -3 ", -3.0), ("Out 2.5", -2.5), ("4", 4.0)]
+        {
+            assert_eq!(read_in_or_out(text), Some(into), "{text}");
+        }
+        assert_eq!([read_in_or_out("inwards"), read_in_or_out("")], [None, None]);
     }
 
     #[test]

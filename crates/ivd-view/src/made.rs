@@ -30,16 +30,19 @@ impl Wish {
     /// As it is.
     fn of(made: &Made) -> Self {
         let told = |number: Option<f64>| number.map_or_else(String::new, |number| number.to_string());
+        let above = made.between[0].filter(|_| made.is_above() && !made.is_body);
         let min_part = told(Some(made.min_part).filter(|least| *least > 0.0));
-        Self { iso: told(made.iso), part: made.part.clone(), min_part }
+        Self { iso: told(made.iso.or(above)), part: made.part.clone(), min_part }
     }
 
     /// The same source with what differs.
     fn source(&self, made: &Made, source: &Source) -> Result<Source, String> {
         let mut source = source.clone();
         let is = Self::of(made);
+        // Of what is all from a value on, that is its value, and classes stay.
+        let value = if made.is_above() && self.part == is.part { "boundary.above" } else { "lattice.iso" };
         for (key, now, was) in [
-            ("lattice.iso", Some(&self.iso), Some(&is.iso)),
+            (value, Some(&self.iso), Some(&is.iso)),
             ("boundary.class", self.part.as_ref(), is.part.as_ref()),
             ("lattice.min_part", Some(&self.min_part), Some(&is.min_part)),
         ] {
@@ -81,10 +84,10 @@ impl Window {
                 ui,
                 &mut wish.min_part,
                 "none",
-                ["Pieces left out, below mm³", "mm³: smaller pieces are left out", PIECES],
+                ["Pieces left out, below mm³", "mm³, smallest piece", PIECES],
             );
-            let loses_classes =
-                made.iso.is_none() && !wish.iso.trim().is_empty() && !figures.classes.is_empty();
+            let is_new_value = made.iso.is_none() && !made.is_above() && !wish.iso.trim().is_empty();
+            let loses_classes = is_new_value && !figures.classes.is_empty();
             part(ui, figures, &mut wish.part);
             let differs = wish != Wish::of(made);
             // How the session was opened that an older log goes on from isn't known.
@@ -179,25 +182,29 @@ mod tests {
     fn only_what_differs_is_said_and_what_is_taken_back_is_said_no_more() {
         let made = Made { iso: Some(40.0), ..Made::default() };
         let source = Source { overrides: vec!["lattice.iso=40".parse().unwrap()], ..Source::default() };
-        let said = |wish: &Wish| {
-            let source = wish.source(&made, &source).unwrap();
+        let said = |source: &Source| {
             let said = source.overrides.iter().map(|one| format!("{}={}", one.path.join("."), one.value));
             said.collect::<Vec<_>>()
         };
         let is = Wish::of(&made);
-        assert_eq!(said(&is), ["lattice.iso=40"]);
-        assert_eq!(said(&Wish { iso: " 60.5 ".to_owned(), ..is.clone() }), ["lattice.iso=60.5"]);
+        let made_so = |wish: &Wish| said(&wish.source(&made, &source).unwrap());
+        assert_eq!(made_so(&is), ["lattice.iso=40"]);
+        assert_eq!(made_so(&Wish { iso: " 60.5 ".to_owned(), ..is.clone() }), ["lattice.iso=60.5"]);
         let part = Wish { iso: String::new(), part: Some("3".to_owned()), ..Wish::of(&Made::default()) };
-        assert_eq!(said(&part), ["boundary.class=3"]);
+        assert_eq!(made_so(&part), ["boundary.class=3"]);
         let specks = Wish { min_part: "2.5".to_owned(), ..is.clone() };
-        assert_eq!(said(&specks), ["lattice.iso=40", "lattice.min_part=2.5"]);
+        assert_eq!(made_so(&specks), ["lattice.iso=40", "lattice.min_part=2.5"]);
         let above = Made { between: [Some(61.5), None], ..Made::default() };
         let taken_out = part.source(&above, &Source::default()).unwrap().overrides;
         assert_eq!(
             taken_out.iter().map(|one| one.path.join(".")).collect::<Vec<_>>(),
             ["boundary.class", "boundary.above"]
         );
+        // Its value is from which on it is all, as it was said or found.
+        assert_eq!(Wish::of(&above).iso, "61.5");
         let found = Made { is_body: true, ..above };
+        let denser = Wish { iso: "80".to_owned(), ..Wish::of(&found) };
+        assert_eq!(said(&denser.source(&found, &Source::default()).unwrap()), ["boundary.above=80"]);
         assert_eq!(part.source(&found, &Source::default()).unwrap().overrides.len(), 1);
     }
 }

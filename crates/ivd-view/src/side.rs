@@ -7,6 +7,8 @@ use crate::number::number;
 use crate::over::name;
 use crate::window::Window;
 
+/// What stands so far above and below what has the keys is shown, too (points): headings are.
+const ABOVE: f32 = 60.0;
 /// Level that the slider ends at; higher ones have a handful of vertices.
 const LEVELS: u8 = 8;
 /// Where stiffness shows.
@@ -51,6 +53,7 @@ impl Window {
                 self.rulers(ui, &figures);
                 self.made_of(ui, &figures);
             }
+            self.scroll_to_keys(ui);
             let notes = self.notes.clone();
             if !notes.is_empty() {
                 CollapsingHeader::new("Notes").default_open(true).show(ui, |ui| {
@@ -60,6 +63,23 @@ impl Window {
                 });
             }
         });
+    }
+
+    /// Shows the part of the panel that has got the keys, with what stands above it.
+    fn scroll_to_keys(&mut self, ui: &Ui) {
+        let has_keys = ui.memory(egui::Memory::focused);
+        if std::mem::replace(&mut self.has_keys, has_keys) == has_keys {
+            return;
+        }
+        // What a pointer presses stays where it is pressed.
+        if ui.input(|input| input.pointer.any_down() || input.pointer.any_released()) {
+            return;
+        }
+        let part = has_keys.and_then(|id| ui.ctx().read_response(id)).map(|response| response.rect);
+        let width = ui.min_rect().x_range();
+        if let Some(rect) = part.filter(|rect| width.contains(rect.center().x)) {
+            ui.scroll_to_rect(rect.expand2(egui::vec2(0.0, ABOVE)), None);
+        }
     }
 
     /// The value of a slider or field: the hand's while it is held, and until an answer comes; else what is shown.

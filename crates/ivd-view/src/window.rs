@@ -13,7 +13,7 @@ use crate::layout::Layout;
 use crate::made::Wish;
 use crate::pane::places;
 use crate::pending::Pending;
-use crate::received::{Way, Word};
+use crate::received::{Changed, Way, Word};
 use crate::record::Recording;
 use crate::run::Options;
 use crate::shown::Shown;
@@ -64,6 +64,8 @@ pub struct Window {
     pub(crate) typed: Typed,
     /// The handle that was worked on last, if it is there still.
     pub(crate) selected: Option<u32>,
+    /// What has the keys, as was seen last.
+    pub(crate) has_keys: Option<egui::Id>,
     /// What is to have the keys.
     pub(crate) focus: Option<Focus>,
     /// Where a ruler begins that is put by keyboard (mm, RAS).
@@ -80,6 +82,8 @@ pub struct Window {
     pub(crate) word: Option<Word>,
     /// Whether a step back or forth was asked for, to be named.
     pub(crate) steps: Option<Way>,
+    /// What was changed last, until it is told what came of it.
+    pub(crate) changed: Option<Changed>,
     /// To be opened as soon as there is a window.
     first: Option<Source>,
     /// Size that the volume's pane asks for, since when, and whether it was asked for.
@@ -113,6 +117,7 @@ impl Window {
             seen: Seen::default(),
             typed: Typed::default(),
             selected: None,
+            has_keys: None,
             focus: None,
             ruler_from: None,
             bone_from: None,
@@ -122,6 +127,7 @@ impl Window {
             asked: None,
             word: None,
             steps: None,
+            changed: None,
             first,
             size: ([0; 2], 0.0, true),
             lost: false,

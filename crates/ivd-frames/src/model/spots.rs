@@ -130,8 +130,16 @@ impl Model {
         self.place_spots();
         self.cast_at_spots();
         let beside = self.behind();
+        let opened = self.panes.cut.and_then(|along| self.panes.here(self.session.rest().grid(), along).ok());
+        // What was left out with what lies before the plane isn't there.
+        let is_left_out = |spot: &Spot| {
+            opened.is_some_and(|(point, normal)| {
+                let way = Vector3::from(spot.now) - Vector3::from(point);
+                way.dot(&Vector3::from(normal).normalize()) < -beside
+            })
+        };
         for (spot, by) in self.spots.iter_mut().chain(&mut self.pins).zip(&self.hidden.by) {
-            spot.beside[0] = *by > beside;
+            spot.beside[0] = *by > beside || is_left_out(spot);
             spot.seen[0] = *by <= spot.radius.max(beside);
         }
     }

@@ -4,7 +4,10 @@ use ivd_core::{BRICK, Displacement, VoxelIndex};
 use rayon::prelude::*;
 
 use super::Model;
-use crate::{Overlay, Pane};
+use crate::{Overlay, Pane, ShownBy};
+
+/// What has no more opacity than this is clear.
+const CLEAR: f32 = 1e-3;
 
 impl Model {
     /// Brings the slices where least is left of what is seen in them, with colours over them that tell how much.
@@ -14,8 +17,8 @@ impl Model {
         self.hovered = None;
         self.touch(&Pane::ALL[1..]);
         let is_seen = |voxel: [usize; 3]| {
-            let grey = self.window.grey(self.session.whole().value(VoxelIndex(voxel)));
-            Overlay::is_coloured(grey) && !self.is_taken(voxel)
+            let value = self.session.whole().value(VoxelIndex(voxel));
+            Overlay::is_coloured(self.window.grey(value)) && self.is_drawn(value) && !self.is_taken(voxel)
         };
         let displacement = self.session.displacement();
         let exec = self.in_time();
@@ -29,6 +32,16 @@ impl Model {
             self.panes.planes.meet(grid.world(VoxelIndex(voxel).into()).0.into(), &grid);
             self.moved_cross();
         }
+    }
+}
+
+impl Model {
+    /// Whether the volume's picture draws a value by any class, where values make it: what is clear there is air, or noise beside the body.
+    fn is_drawn(&self, value: f64) -> bool {
+        let by_value = self.transfer.as_ref().filter(|_| self.subject.shown_by == ShownBy::Values);
+        by_value.is_none_or(|transfer| {
+            (0..transfer.classes().len()).any(|row| transfer.sample(row, value)[3] > CLEAR)
+        })
     }
 }
 

@@ -413,7 +413,7 @@ fn a_class_is_made_stiffer_in_one_step_and_the_scene_says_so() {
     assert!(stiff.largest_mm < 0.8 * pulled.largest_mm, "{} {}", stiff.largest_mm, pulled.largest_mm);
     assert_eq!(
         (model.session().steps().count(), stiff.undo.as_deref()),
-        (steps + 1, Some("change a material"))
+        (steps + 1, Some("change the stiffness of a class"))
     );
     assert_eq!(model.session().steps().last().unwrap().events.len(), 1, "the last of it alone");
     assert_as_piped(&model);

@@ -120,6 +120,11 @@ impl Here {
         self.harness.get_by_label(name).rect()
     }
 
+    /// Whether something that is called so lies in the window.
+    pub(crate) fn is_in_sight(&self, name: &str) -> bool {
+        self.harness.ctx.content_rect().contains_rect(self.rect(name))
+    }
+
     /// A place in a pane, by shares of it.
     pub(crate) fn at(&self, pane: &str, right: f32, down: f32) -> Pos2 {
         let rect = self.rect(pane);

@@ -105,7 +105,9 @@ fn a_press_is_typed_as_how_far_it_goes_in_and_a_key_removes_it() {
     typed(&mut here, "16, 28, 16");
     here.told("a handle", |told| told.handles.len() == 1);
     tab_to(&mut here, "Handle 0: into the surface, mm");
-    typed(&mut here, "1.5");
+    here.harness.step();
+    assert!(here.is_in_sight("Handle 0: into the surface, mm"));
+    typed(&mut here, "in 1.5");
     let told = here.told("it goes in", |told| told.handles[0].by.is_some_and(|by| by[1] < -1.4));
     let (by, out) = (told.handles[0].by.unwrap(), told.handles[0].out.unwrap());
     let along: f64 = (0..3).map(|a| by[a] * out[a]).sum();

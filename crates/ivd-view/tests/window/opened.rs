@@ -59,7 +59,10 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     }
     let class = here.figures().classes.first().unwrap().clone();
     assert!(!class.hidden);
-    here.press(&format!("Class {}", class.id));
+    // By keyboard: what is tabbed to comes into sight.
+    let name = format!("Class {}", class.id);
+    chosen(&mut here, &name);
+    assert!(here.is_in_sight(&name));
     here.told("it is hidden", |told| told.classes[0].hidden && told.unsaved);
     // Made again, it is still hidden.
     chosen(&mut here, "Which surface was found");
@@ -72,15 +75,20 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     let told = here.told("of another part, and hidden", |told| {
         told.made.part.as_deref() == Some("largest") && told.classes[0].hidden
     });
-    // And as it was before, with that.
-    chosen(&mut here, "Make as before");
-    here.told("of the first part, and hidden", |told| told.made.part.is_none() && told.classes[0].hidden);
-    // A value takes the place of classes: it is said before.
+    // Of a class's surface another value takes the place of classes: it is said before.
     assert!(!told.classes.is_empty() && !here.has("no classes are looked for"));
     tab_to(&mut here, "Value of the surface");
     here.harness.event(egui::Event::Text("140".to_owned()));
     here.harness.step();
     assert!(here.has("no classes are looked for"));
+    // And as it was before, with what is hidden.
+    chosen(&mut here, "Make as before");
+    here.told("of the first part, and hidden", |told| told.made.part.is_none() && told.classes[0].hidden);
+    // Of all from a value on that is the value, and classes stay.
+    tab_to(&mut here, "Value of the surface");
+    typed(&mut here, "140");
+    let is_so = |told: &Figures| told.made.between[0] == Some(140.0) && !told.made.is_body;
+    here.told("another value", |told| is_so(told) && told.classes.first().is_some_and(|one| one.hidden));
 }
 
 #[test]

@@ -213,7 +213,7 @@ fn a_class_is_made_stiffer_once_the_lattice_follows_by_springs() {
     tab_to(&mut here, &format!("Stiffness of class {class}, N/m"));
     typed(&mut here, "400");
     let told = here.told("it is stiffer", |told| told.matter[0].stiffness == Some(400.0));
-    assert!(told.unsaved && told.undo.as_deref() == Some("change a material"));
+    assert!(told.unsaved && told.undo.as_deref() == Some("change the stiffness of a class"));
     here.press("Undo");
     here.told("as before", |told| told.matter[0].stiffness == Some(told.stiffness));
 }
