@@ -209,7 +209,7 @@ impl Event {
             Self::MoveClip { .. } => "change a clip",
             Self::Unclip { .. } => "remove a clip",
             Self::ClipRule(_) => "change how it is clipped",
-            Self::Physics(_) => "change what the surface follows by",
+            Self::Physics(_) => "change how the surface follows",
             Self::Stiffness { .. } => "change the stiffness",
             Self::Material { .. } => "change the stiffness of a class",
             Self::Map(_) => "change how voxels follow",

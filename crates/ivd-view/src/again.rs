@@ -25,7 +25,8 @@ impl Window {
             }
             Ok(entries) => {
                 let seen = self.shown.figures().map(Seen::of).unwrap_or_default();
-                let before = Before { again: source.clone(), source: work.source.clone(), entries, seen };
+                let (again, previous) = (source.clone(), self.previous.clone());
+                let before = Before { again, source: work.source.clone(), entries, seen, previous };
                 self.begin_again(&source, before.entries.clone(), before.seen.clone(), context);
                 self.before = self.work.is_some().then_some(before);
             }
@@ -43,6 +44,7 @@ impl Window {
     /// Opens what was open before the same was made otherwise.
     pub(crate) fn as_it_was(&mut self, before: Before, context: &Context) {
         self.begin_again(&before.source, before.entries, before.seen, context);
+        self.previous = before.previous;
     }
 
     /// Opens what was open before something that was to be made otherwise and has ended; whether there was something.
@@ -50,9 +52,9 @@ impl Window {
         let Some(work) = ended else { return false };
         let before = self.before.take().filter(|before| before.again == work.source);
         let left = work.close();
-        let Some(Before { source, entries, seen, .. }) = before else { return false };
+        let Some(Before { source, entries, seen, previous, .. }) = before else { return false };
         self.begin(&source, Begins::Again(entries, left, seen.sight), context);
-        self.seen = seen;
+        (self.seen, self.previous) = (seen, previous);
         true
     }
 
@@ -61,7 +63,8 @@ impl Window {
         let seen = std::mem::take(&mut self.seen);
         for was in seen.classes {
             let is = figures.classes.iter().find(|class| class.id == was.id);
-            if is.is_some_and(|is| *is != was) {
+            let look = |class: &Class| (class.hidden, class.opacity, class.colour.clone());
+            if is.is_some_and(|is| look(is) != look(&was)) {
                 let (opacity, colour) = (Some(was.opacity), Some(was.colour));
                 self.ask(Request::Class { class: was.id, hidden: was.hidden, opacity, colour });
             }
@@ -78,7 +81,8 @@ impl Window {
         }
         let is_open = |before: &Before| self.work.as_ref().is_some_and(|work| work.source == before.again);
         let before = self.before.take().filter(is_open);
-        self.previous = before.as_ref().map(|before| before.source.clone()).or(self.previous.take());
+        self.previous =
+            before.as_ref().map(|before| Box::new(before.source.clone())).or(self.previous.take());
         if let Some(before) = before.filter(|_| !figures.missed.is_empty()) {
             self.dialog = Some(Dialog::Missed { missed: figures.missed.clone(), before });
         }
@@ -154,4 +158,6 @@ pub(crate) struct Before {
     entries: Vec<Entry>,
     /// How it was seen.
     seen: Seen,
+    /// What was open before that.
+    previous: Option<Box<Source>>,
 }

@@ -15,7 +15,7 @@ const LEAST_TOLD: f64 = 0.005;
 const ALONG: &str = "Its volume, its values, and how much of the surface that is moved is made of it: of a head the class with most of it is what lies at the skin";
 
 /// What springs change.
-const BY_SPRINGS: &str = "By distance alone the surface is as stiff everywhere. By springs each class has a stiffness of its own, and a press squeezes more, right at the handle; Surface follows by, above, goes back";
+const BY_SPRINGS: &str = "By distance alone the surface is equally stiff everywhere. By springs each class has a stiffness of its own, and a press squeezes more, right at the handle. To go back, choose \"distance alone\" under \"Surface follows by\"";
 
 /// Where stiffness changes something.
 const SHOWS: &str = "Stiffness shows where two of them lie within a handle's reach, or where a force pulls.";
@@ -47,7 +47,9 @@ impl Window {
         }
         let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
         for class in &figures.classes {
-            ui.horizontal(|ui| self.class(ui, class, pointed == Some(class.id)));
+            // Of a part its surface isn't the outermost.
+            let is_body = figures.made.is_body || figures.made.is_above();
+            ui.horizontal(|ui| self.class(ui, class, pointed == Some(class.id), is_body));
             self.matter_of(ui, figures, class.id);
         }
         if !figures.transitions.is_empty() {
@@ -69,7 +71,7 @@ impl Window {
         }
     }
 
-    fn class(&mut self, ui: &mut Ui, class: &Class, is_pointed: bool) {
+    fn class(&mut self, ui: &mut Ui, class: &Class, is_pointed: bool, is_body: bool) {
         let Class { id, name, ml, of_surface, values: [low, high], hidden, opacity, colour } = class;
         ui.spacing_mut().slider_width = 44.0;
         ui.spacing_mut().item_spacing.x = 5.0;
@@ -88,7 +90,7 @@ impl Window {
         let named = name.as_ref().map_or_else(String::new, |name| format!("{name}: "));
         let along = of_surface.filter(|share| *share >= LEAST_TOLD);
         let along = along.map_or_else(String::new, |share| {
-            let outermost = if share > 0.5 { "outermost, " } else { "" };
+            let outermost = if is_body && share > 0.5 { "outermost, " } else { "" };
             format!(", {outermost}{:.0} % of the surface", 100.0 * share)
         });
         let told = format!("{named}{much}{low:.0} to {high:.0}{along}");

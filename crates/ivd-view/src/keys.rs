@@ -92,7 +92,8 @@ impl Window {
             self.focus = Some(Focus::Menus);
         }
         if pressed(Key::F6) {
-            self.focus = self.shown.figures().map(|_| Focus::Handles);
+            // Into sight also where it has them already.
+            (self.focus, self.has_keys) = (self.shown.figures().map(|_| Focus::Handles), None);
         }
         // A field that nothing was typed into has nothing to take back itself.
         if context.text_edit_focused() && !is_as_it_was(context) {

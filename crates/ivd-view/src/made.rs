@@ -35,14 +35,18 @@ impl Wish {
         Self { iso: told(made.iso.or(above)), part: made.part.clone(), min_part }
     }
 
+    /// The key of the surface's value: of what is all from a value on, that one, and classes stay.
+    fn value_key(&self, made: &Made) -> &'static str {
+        let is_above = made.is_above() && self.part == Self::of(made).part;
+        if is_above { "boundary.above" } else { "lattice.iso" }
+    }
+
     /// The same source with what differs.
     fn source(&self, made: &Made, source: &Source) -> Result<Source, String> {
         let mut source = source.clone();
         let is = Self::of(made);
-        // Of what is all from a value on, that is its value, and classes stay.
-        let value = if made.is_above() && self.part == is.part { "boundary.above" } else { "lattice.iso" };
         for (key, now, was) in [
-            (value, Some(&self.iso), Some(&is.iso)),
+            (self.value_key(made), Some(&self.iso), Some(&is.iso)),
             ("boundary.class", self.part.as_ref(), is.part.as_ref()),
             ("lattice.min_part", Some(&self.min_part), Some(&is.min_part)),
         ] {
@@ -80,14 +84,10 @@ impl Window {
                 });
             };
             field(ui, &mut wish.iso, &found(made), ["Value of the surface", "value of the surface", VALUE]);
-            field(
-                ui,
-                &mut wish.min_part,
-                "none",
-                ["Pieces left out, below mm³", "mm³, smallest piece", PIECES],
-            );
-            let is_new_value = made.iso.is_none() && !made.is_above() && !wish.iso.trim().is_empty();
-            let loses_classes = is_new_value && !figures.classes.is_empty();
+            field(ui, &mut wish.min_part, "none", ["Smallest piece, mm³", "smallest piece (mm³)", PIECES]);
+            let is_iso =
+                made.iso.is_none() && wish.value_key(made) == "lattice.iso" && wish.iso != Wish::of(made).iso;
+            let loses_classes = is_iso && !wish.iso.trim().is_empty() && !figures.classes.is_empty();
             part(ui, figures, &mut wish.part);
             let differs = wish != Wish::of(made);
             // How the session was opened that an older log goes on from isn't known.
@@ -105,7 +105,7 @@ impl Window {
                 let back = ui.add_enabled(!is_last, egui::Button::new("Make as before"));
                 let back = back.on_hover_text(AS_BEFORE).on_disabled_hover_text(why_not);
                 if back.clicked() {
-                    self.make_of(source);
+                    self.make_of(*source);
                 }
             }
             // Below what may be pressed, which stays where it is.

@@ -47,7 +47,7 @@ impl Window {
         let of_values = ["segment", "boundary"];
         let is_of_values = |one: &&Override| {
             let stage = one.path.first().map_or("", String::as_str);
-            of_values.contains(&stage) || one.path.join(".") == "lattice.iso"
+            of_values.contains(&stage) || ["lattice.iso", "lattice.min_part"].contains(&&*one.path.join("."))
         };
         let mut source = Source { labels: Some(labels), ..work.source.clone() };
         source.overrides.retain(|one| !is_of_values(&one));

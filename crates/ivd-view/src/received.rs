@@ -14,9 +14,6 @@ use crate::window::Window;
 
 /// A problem is told for so long (s).
 const TOLD: f64 = 8.0;
-/// A largest motion (mm) and a least share of a volume that differ by less are as they were.
-const SAME_MM: f64 = 0.05;
-const SAME_SHARE: f64 = 0.01;
 const PROBLEM: Color32 = Color32::from_rgb(91, 52, 19);
 const PROBLEM_TEXT: Color32 = Color32::from_rgb(255, 231, 207);
 
@@ -66,13 +63,13 @@ pub(crate) enum Way {
     Forth,
 }
 
-/// Something that was changed, and of which what came is told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Changed {
-    /// How stiff a class is.
-    Stiffness(u16),
-    /// Along what the volume's picture is open.
-    Inside,
+/// That the volume's picture is to be opened.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Inside {
+    /// The number of that request.
+    pub(crate) number: u64,
+    /// Where the slices met before.
+    pub(crate) cross: [f64; 3],
 }
 
 impl Window {
@@ -96,8 +93,6 @@ impl Window {
             Request::Abandon => self.word = None,
             Request::Undo => self.steps = Some(Way::Back),
             Request::Redo => self.steps = Some(Way::Forth),
-            Request::Material { class, .. } => self.changed = Some(Changed::Stiffness(*class)),
-            Request::Cut { along: Some(_) } => self.changed = Some(Changed::Inside),
             _ => {}
         }
     }
@@ -116,23 +111,12 @@ impl Window {
         }
     }
 
-    /// Tells what came of something that may have changed nothing that is seen, or more than was asked for.
-    fn changed(&mut self, now: &Figures) {
-        let Some((changed, was)) = self.changed.take().zip(self.shown.figures()) else { return };
-        match changed {
-            Changed::Stiffness(class) if now.refused.is_none() && now.largest_mm > 0.0 => {
-                let is_same = (now.largest_mm - was.largest_mm).abs() < SAME_MM
-                    && (now.min_det_j - was.min_det_j).abs() < SAME_SHARE;
-                if is_same {
-                    self.say(format!(
-                        "Class {class} has that stiffness now, and next to nothing moves otherwise: within reach nearly all is of one class."
-                    ));
-                }
-            }
-            Changed::Inside if now.cross != was.cross => {
-                self.say("The slices went to the body's middle: where they met, next to nothing would have been opened.".to_owned());
-            }
-            Changed::Stiffness(_) | Changed::Inside => {}
+    /// Tells that looking inside took the slices elsewhere, once it is followed.
+    fn opened_inside(&mut self, now: &Figures, followed: u64) {
+        if let Some(Inside { cross, .. }) = self.inside.take_if(|inside| followed >= inside.number)
+            && now.cross != cross
+        {
+            self.say("The slices went to the body's middle: where they met, the cut would have shown next to nothing.".to_owned());
         }
     }
 
@@ -156,9 +140,7 @@ impl Window {
             if answers {
                 self.stepped(&frame.figures);
             }
-            if self.asked.is_none() {
-                self.changed(&frame.figures);
-            }
+            self.opened_inside(&frame.figures, frame.followed);
             self.made_again(&frame.figures);
             self.pending.shown(&frame.figures);
             if self.asked.is_none() {

@@ -75,7 +75,8 @@ impl Window {
         if ui.input(|input| input.pointer.any_down() || input.pointer.any_released()) {
             return;
         }
-        let part = has_keys.and_then(|id| ui.ctx().read_response(id)).map(|response| response.rect);
+        let part = has_keys.and_then(|id| ui.ctx().read_response(id));
+        let part = part.filter(|part| part.layer_id == ui.layer_id()).map(|part| part.rect);
         let width = ui.min_rect().x_range();
         if let Some(rect) = part.filter(|rect| width.contains(rect.center().x)) {
             ui.scroll_to_rect(rect.expand2(egui::vec2(0.0, ABOVE)), None);

@@ -7,7 +7,7 @@ use crate::handles::length;
 use crate::window::Window;
 
 /// What a figure of the line means.
-const MEANS: &str = "Largest motion: of any voxel. Volume kept: the least share of its volume that any voxel keeps, by a proven bound; above 0 nothing folds.";
+const MEANS: &str = "Largest motion: of any voxel. What every voxel keeps at least of its volume is a proven bound; above 0 nothing folds.";
 
 /// What is shown of what is squeezed.
 const WHERE: &str = "The button takes the slices to where most is squeezed, with colours that tell how much. A larger radius or a smaller move squeezes less.";
@@ -166,7 +166,7 @@ fn progress(ui: &mut Ui, bar: ProgressBar) {
 /// What the last motion came to.
 fn told(figures: &Figures) -> String {
     format!(
-        "largest motion {:.2} mm · voxels keep {} % of their volume or more · {} vertices at level {}",
+        "largest motion {:.2} mm · every voxel keeps at least {} % of its volume · {} vertices at level {}",
         figures.largest_mm,
         percent(figures.min_det_j),
         figures.vertices,

@@ -13,7 +13,7 @@ use crate::layout::Layout;
 use crate::made::Wish;
 use crate::pane::places;
 use crate::pending::Pending;
-use crate::received::{Changed, Way, Word};
+use crate::received::{Inside, Way, Word};
 use crate::record::Recording;
 use crate::run::Options;
 use crate::shown::Shown;
@@ -57,7 +57,7 @@ pub struct Window {
     /// What is made again, and what was open before it, to go back to.
     pub(crate) before: Option<Before>,
     /// How it was opened before it was made otherwise.
-    pub(crate) previous: Option<Source>,
+    pub(crate) previous: Option<Box<Source>>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.
@@ -82,8 +82,8 @@ pub struct Window {
     pub(crate) word: Option<Word>,
     /// Whether a step back or forth was asked for, to be named.
     pub(crate) steps: Option<Way>,
-    /// What was changed last, until it is told what came of it.
-    pub(crate) changed: Option<Changed>,
+    /// That the picture is to be opened, until it is or something else is asked for.
+    pub(crate) inside: Option<Inside>,
     /// To be opened as soon as there is a window.
     first: Option<Source>,
     /// Size that the volume's pane asks for, since when, and whether it was asked for.
@@ -127,7 +127,7 @@ impl Window {
             asked: None,
             word: None,
             steps: None,
-            changed: None,
+            inside: None,
             first,
             size: ([0; 2], 0.0, true),
             lost: false,
@@ -233,7 +233,13 @@ impl Window {
             }
             let waits = self.asked.get_or_insert_with(Waits::begin);
             let changes = waits.ask(&request);
+            let is_look = matches!(request, Request::Hover { .. } | Request::Resize { .. });
+            let opens = matches!(request, Request::Cut { along: Some(_) });
             let number = work.ask(request);
+            if !is_look {
+                let cross = self.shown.figures().filter(|_| opens).map(|figures| figures.cross);
+                self.inside = cross.map(|cross| Inside { number, cross });
+            }
             if changes {
                 waits.until(number);
             }

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::Model;
-use crate::{Error, Pane};
+use crate::{Error, Pane, ShownBy};
 
 /// A plane that leaves out less than this share of how deep the body is, or leaves less of it, shows next to nothing of its inside.
 const SHALLOW: f64 = 0.15;
@@ -27,10 +27,13 @@ impl Model {
         Ok(())
     }
 
-    /// How far the lattice's middle lies behind a plane (mm), where the plane lies near its edge or beside it.
+    /// How far the body's middle lies behind a plane (mm), where the plane lies near its edge or beside it. Nothing is told where what is moved is a part of
+    /// what is drawn: its edge isn't the body's.
     fn to_middle(&self, point: Vector3<f64>, normal: Vector3<f64>) -> Option<f64> {
         let lattice = self.session.lattice();
-        let behind = (0..lattice.keys().len()).map(|v| (lattice.world(v).0 - point).dot(&normal));
+        let is_body = self.subject.made.class.is_none() && self.subject.shown_by == ShownBy::Values;
+        let vertices = 0..if is_body { lattice.keys().len() } else { 0 };
+        let behind = vertices.map(|v| (lattice.world(v).0 + self.gone_by(v) - point).dot(&normal));
         let [low, high] =
             behind.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], d| [low.min(d), high.max(d)]);
         let least = SHALLOW * (high - low);

@@ -38,7 +38,7 @@ impl Model {
         }
     }
 
-    /// How much of the lattice's area that is of a class each has, 0…1.
+    /// How much of the lattice's area each class has, 0…1.
     pub(super) fn shares_along(&self) -> BTreeMap<u16, f64> {
         let Some((_, along)) = &self.along else { return BTreeMap::new() };
         let whole: f64 = along.values().sum();
@@ -57,7 +57,11 @@ impl Model {
             Some(Material { tissue: None, youngs_kpa: None, .. }) | None => all,
             Some(_) => None,
         };
-        classes.keys().map(|class| Matter { class: *class, stiffness: stiffness(class) }).collect()
+        classes
+            .keys()
+            .filter(|class| **class > 0)
+            .map(|class| Matter { class: *class, stiffness: stiffness(class) })
+            .collect()
     }
 }
 

@@ -125,21 +125,13 @@ impl Model {
         }
     }
 
-    /// Finds which of them slices reach, and which of them what the volume's picture shows before them hides by no more than their radius.
+    /// Finds which of them slices reach, and which of them what the volume's picture shows before them, or is opened by, hides by no more than their radius.
     pub(super) fn find_hidden(&mut self) {
         self.place_spots();
         self.cast_at_spots();
         let beside = self.behind();
-        let opened = self.panes.cut.and_then(|along| self.panes.here(self.session.rest().grid(), along).ok());
-        // What was left out with what lies before the plane isn't there.
-        let is_left_out = |spot: &Spot| {
-            opened.is_some_and(|(point, normal)| {
-                let way = Vector3::from(spot.now) - Vector3::from(point);
-                way.dot(&Vector3::from(normal).normalize()) < -beside
-            })
-        };
         for (spot, by) in self.spots.iter_mut().chain(&mut self.pins).zip(&self.hidden.by) {
-            spot.beside[0] = *by > beside || is_left_out(spot);
+            spot.beside[0] = *by > beside;
             spot.seen[0] = *by <= spot.radius.max(beside);
         }
     }
@@ -171,6 +163,8 @@ impl Model {
             return;
         }
         let towards_eye = Vector3::from(self.lens.axes()[2]);
+        let opened = self.panes.cut.and_then(|along| self.panes.here(grid, along).ok());
+        let opened = opened.map(|(point, across)| [Vector3::from(point), Vector3::from(across).normalize()]);
         let places = &of.1;
         let mut by = vec![f64::NEG_INFINITY; places.len()];
         let mut is_known = true;
@@ -186,6 +180,8 @@ impl Model {
             for ((n, place, _), seen) in here.iter().zip(seen.unwrap_or_default()) {
                 let place = Vector3::from(place[usize::from(half)]);
                 by[*n] = seen.map_or(by[*n], |seen| (Vector3::from(seen) - place).dot(&towards_eye));
+                // What is left out with what lies before a plane is hidden as well.
+                by[*n] = by[*n].max(opened.map_or(by[*n], |[point, across]| (point - place).dot(&across)));
             }
         }
         self.hidden = Hidden { of: if is_known { of } else { (0, Vec::new()) }, by };

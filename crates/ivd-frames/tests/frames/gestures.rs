@@ -336,6 +336,14 @@ fn what_is_looked_into_near_its_edge_is_opened_in_its_middle() {
         follow(&mut model, &Request::Cut { along: None });
         follow(&mut model, &Request::Cross { pane: Pane::Sagittal, at });
     }
+    // What is left out with what lies before the plane is hidden, and so is a handle on it; one behind the plane isn't.
+    let told = follow(&mut model, &Request::Add { place: [16.0, 28.0, 16.0], by: [0.0; 3] });
+    assert!(told.handles[0].seen[0] && !told.handles[0].beside[0]);
+    let told = follow(&mut model, &Request::Radius { handle: Some(told.handles[0].id), radius: 3.0 });
+    assert!(told.handles[0].seen[0]);
+    let told = follow(&mut model, &Request::Cut { along: Some(Pane::Coronal) });
+    assert!(!told.handles[0].seen[0] && told.handles[0].beside[0], "{:?}", told.cross);
+    follow(&mut model, &Request::Cut { along: None });
     // From behind all of it would be left out.
     follow(&mut model, &Request::Slice { pane: Pane::Coronal, steps: 11 });
     follow(&mut model, &Request::Look { side: ivd_render::Side::Back });

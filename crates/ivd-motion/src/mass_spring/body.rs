@@ -268,7 +268,7 @@ fn numbers(links: &[Link], vertices: usize, region: &Region) -> Vec<u32> {
 }
 
 /// The classes of matter along a lattice, as springs take them, with how much of its area each has (mm²): to every vertex belongs what lies within it, and a
-/// third of the triangles round it. What has label 0, or no side, isn't told.
+/// third of the triangles round it. Under 0 stands what has no label, or no side.
 pub fn classes_along(lattice: &Lattice, labels: &Labels) -> BTreeMap<u16, f64> {
     let rest: Vec<Vector3<f64>> = (0..lattice.keys().len()).map(|v| lattice.world(v).0).collect();
     let (area, outward) = shares(lattice, &rest, &vec![true; rest.len()]);
@@ -276,7 +276,6 @@ pub fn classes_along(lattice: &Lattice, labels: &Labels) -> BTreeMap<u16, f64> {
     for (v, way) in outward.iter().enumerate() {
         *classes.entry(vertex_class::inside(lattice, labels, v, *way)).or_default() += area[v];
     }
-    classes.remove(&0);
     classes
 }
 

@@ -101,7 +101,7 @@ const milli = (s) => `${Math.round(1000 * s)} ms`;
 function tell() {
   const f = figures, [solve, map, warp] = f.times;
   const h = f.hovered;
-  const parts = [h ? `${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm` : null, `largest motion ${few(f.largest_mm)} mm`, `voxels keep ${few(Math.floor(1000 * f.min_det_j) / 10, 1)} % of their volume or more`, `${f.vertices} vertices at level ${f.level}`,
+  const parts = [h ? `${few(h.value)} at ${h.place.map((c) => few(c, 1)).join(", ")} mm` : null, `largest motion ${few(f.largest_mm)} mm`, `every voxel keeps at least ${few(Math.floor(1000 * f.min_det_j) / 10, 1)} % of its volume`, `${f.vertices} vertices at level ${f.level}`,
     f.cut_off_mm > 0.05 ? `cut off at the scan's edge: the surface goes ${few(f.cut_off_mm, 1)} mm beyond` : null,
     `lattice ${milli(solve)}, map ${milli(map)}, voxels ${milli(warp)}, picture ${milli(f.draw_s)}`];
   status(parts.filter(Boolean).join(" · "));

@@ -162,6 +162,10 @@ fn a_key_leads_to_the_handles_and_undo_goes_past_a_field_that_nothing_was_typed_
         here.harness.step();
         here.harness.step();
     };
+    here.harness.key_press(Key::F10);
+    here.harness.step();
+    here.harness.step();
+    assert!(has_keys(&here, "File"));
     to_handles(&mut here);
     assert!(has_keys(&here, "Place of a new handle, at rest, mm"));
     typed(&mut here, "16, 28, 16");

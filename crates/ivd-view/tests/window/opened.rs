@@ -57,6 +57,13 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     {
         assert!(here.has(chosen), "{chosen}");
     }
+    // Made otherwise before anything was done there is nothing to lose.
+    chosen(&mut here, "Which surface was found");
+    here.harness.run_ok();
+    type_into(&mut here, "Smallest piece, mm³", "5");
+    let told = here.told("without small pieces", |told| told.made.min_part == 5.0);
+    assert!(!told.unsaved && told.made.is_body);
+    here.settle();
     let class = here.figures().classes.first().unwrap().clone();
     assert!(!class.hidden);
     // By keyboard: what is tabbed to comes into sight.
@@ -65,8 +72,6 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     assert!(here.is_in_sight(&name));
     here.told("it is hidden", |told| told.classes[0].hidden && told.unsaved);
     // Made again, it is still hidden.
-    chosen(&mut here, "Which surface was found");
-    here.harness.run_ok();
     chosen(&mut here, "Part");
     here.harness.run_ok();
     here.press("the largest class");
@@ -265,12 +270,17 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.settle();
     chosen(&mut here, "Which surface was found");
     here.harness.run_ok();
+    type_into(&mut here, "Value of the surface", "120");
+    here.told("another", |told| told.made.iso == Some(120.0) && told.handles.len() == 1);
+    here.settle();
     // Where nothing is cut there is nothing to hold.
     type_into(&mut here, "Value of the surface", "1e9");
     here.until("why not", |here| here.has("It can't be made so"));
     here.press("All right");
     here.settle();
-    assert_eq!((here.figures().made.iso, here.figures().handles.len()), (Some(127.5), 1));
+    assert_eq!((here.figures().made.iso, here.figures().handles.len()), (Some(120.0), 1));
+    // Nor is the one before it lost.
+    assert!(here.has("Make as before"));
     // What was done is there again too.
     here.press("Pin where the slices meet");
     here.told("a pin", |told| told.pins.len() == 1);
