@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Arg, ArgAction, ArgMatches};
+use ivd_core::op::{fields, schema_of};
+use ivd_lattice::extract::LatticeParams;
 use ivd_lattice::import::ImportParams;
 use ivd_pipeline::stages::ImportedLattice;
 
@@ -13,18 +15,20 @@ use crate::files::{filled, finish};
 /// Its flags that are no keys.
 pub(crate) fn flags() -> [Arg; 4] {
     let path = || clap::value_parser!(PathBuf);
+    // What the stage's own way of making a lattice is told is nothing to these.
+    let keys = || fields(schema_of::<LatticeParams>()).map(|field| field.name).chain(["mask"]);
     [
         Arg::new("parts")
             .long("parts")
             .value_name("ID,ID…|all")
-            .conflicts_with_all(["class", "mask", "iso", "min_part"])
+            .conflicts_with_all(keys())
             .requires("labels")
             .help("Several labels at once, whose lattices meet without gaps: ids by priority, or `all`; the output is a folder"),
         Arg::new("mesh")
             .long("mesh")
             .value_name("FILE")
             .value_parser(path())
-            .conflicts_with_all(["labels", "class", "mask", "iso", "min_part", "parts"])
+            .conflicts_with_all(keys().chain(["labels", "parts"]))
             .help("A closed mesh from another program (.ply, .obj, .stl, .glb, .vtp) to use as the lattice"),
         Arg::new("weld")
             .long("weld")
