@@ -149,15 +149,17 @@ impl Window {
         if let (Some(by), Some(out)) = (one.by, one.out) {
             let full = format!("Handle {id}: into the surface, mm");
             let there = depth(by, out);
+            // Before it is drawn: all of what stands there is chosen then, and what is typed takes its place.
+            if self.typed.before.as_ref().is_some_and(|before| !before.contains(&id)) {
+                let next = ui.next_auto_id();
+                ui.memory_mut(|memory| memory.request_focus(next));
+                self.typed.before = None;
+            }
             let mut into = self.value(&full, unsigned(there));
             let field = number(ui, &full, &mut into, 1, |field| {
                 let field = field.speed(SPEED).range(-1e6..=1e6);
                 field.custom_formatter(|into, _| in_or_out(into)).custom_parser(read_in_or_out)
             });
-            if self.typed.before.as_ref().is_some_and(|before| !before.contains(&id)) {
-                field.request_focus();
-                self.typed.before = None;
-            }
             let field = field.on_hover_text(INTO);
             let by = deepened(by, out, into);
             self.turned(&field, (&full, into), || Request::Move { handle: id, by });

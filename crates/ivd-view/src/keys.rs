@@ -1,6 +1,6 @@
 //! Keys that hold in the whole window.
 
-use egui::{Context, Event, InputState, Key, KeyboardShortcut, Modifiers};
+use egui::{Context, Event, InputState, Key, KeyboardShortcut, Modifiers, TextEdit};
 use ivd_frames::{Axis, Request, Saved, Shows, Tool};
 use ivd_render::Side;
 
@@ -65,11 +65,13 @@ impl Window {
         if self.dialog.is_some() {
             return;
         }
+        // A field that had the keys gives up what was typed by the same key; it no longer has them by now.
+        let was_typing = self.has_keys.is_some_and(|id| TextEdit::load_state(context, id).is_some());
         // Given up whatever else has the keys.
         if self.hands.pane().is_some() && pressed(Key::Escape) {
             let asked = self.hands.give_up();
             self.ask_all(asked);
-        } else if self.can_stop() && !context.text_edit_focused() && pressed(Key::Escape) {
+        } else if self.can_stop() && !was_typing && pressed(Key::Escape) {
             self.ask(Request::Stop);
         }
         let shortcut = |keys: &KeyboardShortcut| context.input_mut(|input| input.consume_shortcut(keys));

@@ -29,10 +29,12 @@ pub(crate) struct Wish {
 impl Wish {
     /// As it is.
     fn of(made: &Made) -> Self {
-        let told = |number: Option<f64>| number.map_or_else(String::new, |number| number.to_string());
         let above = made.between[0].filter(|_| made.is_above() && !made.is_body);
-        let min_part = told(Some(made.min_part).filter(|least| *least > 0.0));
-        Self { iso: told(made.iso.or(above)), part: made.part.clone(), min_part }
+        let min_part = if made.min_part > 0.0 { made.min_part.to_string() } else { String::new() };
+        // One that was found has more digits than a field has room for.
+        let above = above.map(|above| (above as f32).to_string());
+        let iso = made.iso.map(|iso| iso.to_string()).or(above).unwrap_or_default();
+        Self { iso, part: made.part.clone(), min_part }
     }
 
     /// The key of the surface's value: of what is all from a value on, that one, and classes stay.

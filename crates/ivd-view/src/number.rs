@@ -19,11 +19,23 @@ pub(crate) fn number(
     let mut field = ui.add(field).accessible_name(name.to_owned());
     note_typed(ui, &field);
     let written: f64 = format!("{before:.digits$}").parse().unwrap_or(before);
-    if !field.dragged() && (*value - written).abs() <= 1e-9 * written.abs() {
+    if is_given_up(ui, &field) || !field.dragged() && (*value - written).abs() <= 1e-9 * written.abs() {
         *value = before;
         field.flags.remove(Flags::CHANGED);
     }
     field
+}
+
+/// Whether what was typed into a field was given up by Esc, in this pass or the one before: a field takes what was typed in the pass after it has lost the keys,
+/// too.
+fn is_given_up(ui: &Ui, field: &Response) -> bool {
+    let noted = Id::unique("what was typed into a field is given up");
+    let pass = ui.ctx().cumulative_pass_nr();
+    if field.lost_focus() && ui.input(|input| input.key_pressed(Key::Escape)) {
+        ui.data_mut(|data| data.insert_temp(noted, (field.id, pass)));
+    }
+    let given_up = ui.data(|data| data.get_temp::<(Id, u64)>(noted));
+    given_up.is_some_and(|(id, then)| id == field.id && pass <= then + 1)
 }
 
 /// Where it is noted whether a field that has the keys is as it was, and in which pass.

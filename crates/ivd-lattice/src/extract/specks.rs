@@ -39,7 +39,7 @@ impl SmallParts {
             let Self { count, volume_mm3, largest_mm3 } = self;
             format!(
                 "{count} small parts, each below 1 % of the largest, enclose {} mm³ together, the largest of them {} mm³; \
-                 lattice.min_part = {least} (`--min-part {least}`) leaves them out",
+                 lattice.min_part = {least} leaves them out (`ivd lattice --min-part {least}`)",
                 rounded_up(*volume_mm3),
                 rounded_up(*largest_mm3),
                 least = rounded_up(1.000_001 * largest_mm3),

@@ -171,6 +171,25 @@ fn a_key_leads_to_the_handles_and_undo_goes_past_a_field_that_nothing_was_typed_
     typed(&mut here, "16, 28, 16");
     here.told("a handle", |told| told.handles.len() == 1);
     here.settle();
+    // What is typed next takes the place of what stands there; given up, all is as it was.
+    let into = "Handle 0: into the surface, mm";
+    assert!(has_keys(&here, into));
+    let type_two = |here: &mut Here, key| {
+        here.harness.event(egui::Event::Text("2".to_owned()));
+        here.harness.step();
+        here.harness.key_press(key);
+        here.harness.step();
+        here.harness.step();
+    };
+    type_two(&mut here, Key::Enter);
+    here.told("it goes in", |told| told.handles[0].by.is_some_and(|by| (by[1] + 2.0).abs() < 0.1));
+    here.press("Undo");
+    here.told("not yet", |told| told.handles[0].by == Some([0.0; 3]));
+    here.settle();
+    tab_to(&mut here, into);
+    type_two(&mut here, Key::Escape);
+    here.settle();
+    assert_eq!(here.figures().undo.as_deref(), Some("add a handle"));
     to_handles(&mut here);
     assert!(has_keys(&here, "Go to handle 0"));
     tab_to(&mut here, "Handle 0: into the surface, mm");
