@@ -4,6 +4,7 @@ use egui::Context;
 use ivd_frames::{Class, Entry, Figures, Request, Ruler, Shows, Sight, Source, Spot};
 
 use crate::dialogs::Dialog;
+use crate::waits::does_something;
 use crate::window::Window;
 use crate::work::{Begins, Work};
 
@@ -144,7 +145,7 @@ impl Making {
 
     /// Something is asked for meanwhile.
     pub(crate) fn ask(&mut self, request: &Request) {
-        self.is_stale |= !matches!(request, Request::Hover { .. } | Request::Resize { .. });
+        self.is_stale |= does_something(request);
     }
 }
 

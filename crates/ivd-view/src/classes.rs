@@ -46,9 +46,9 @@ impl Window {
             });
         }
         let pointed = self.shown.hovered().filter(|_| self.pointed).and_then(|hovered| hovered.class);
+        // Of a part its surface isn't the outermost.
+        let is_body = figures.made.is_body || figures.made.is_above();
         for class in &figures.classes {
-            // Of a part its surface isn't the outermost.
-            let is_body = figures.made.is_body || figures.made.is_above();
             ui.horizontal(|ui| self.class(ui, class, pointed == Some(class.id), is_body));
             self.matter_of(ui, figures, class.id);
         }

@@ -18,6 +18,11 @@ pub(crate) struct Waits {
     number: u64,
 }
 
+/// Whether a request is more than where the pointer or how large the window is.
+pub(crate) fn does_something(request: &Request) -> bool {
+    !matches!(request, Request::Hover { .. } | Request::Resize { .. })
+}
+
 impl Waits {
     pub(crate) fn begin() -> Self {
         Self { does: DRAWING, since: Instant::now(), number: 0 }

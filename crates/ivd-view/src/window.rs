@@ -18,7 +18,7 @@ use crate::record::Recording;
 use crate::run::Options;
 use crate::shown::Shown;
 use crate::system::{Asked, Purpose};
-use crate::waits::Waits;
+use crate::waits::{Waits, does_something};
 use crate::work::Work;
 use crate::writing;
 
@@ -233,10 +233,10 @@ impl Window {
             }
             let waits = self.asked.get_or_insert_with(Waits::begin);
             let changes = waits.ask(&request);
-            let is_look = matches!(request, Request::Hover { .. } | Request::Resize { .. });
+            let is_more = does_something(&request);
             let opens = matches!(request, Request::Cut { along: Some(_) });
             let number = work.ask(request);
-            if !is_look {
+            if is_more {
                 let cross = self.shown.figures().filter(|_| opens).map(|figures| figures.cross);
                 self.inside = cross.map(|cross| Inside { number, cross });
             }
