@@ -39,7 +39,7 @@ impl Wish {
 
     /// The key of the surface's value: of what is all from a value on, that one, and classes stay.
     fn value_key(&self, made: &Made) -> &'static str {
-        let is_above = made.is_above() && self.part == Self::of(made).part;
+        let is_above = made.is_above() && self.part == made.part;
         if is_above { "boundary.above" } else { "lattice.iso" }
     }
 
@@ -75,7 +75,8 @@ impl Window {
     pub(crate) fn made_of(&mut self, ui: &mut Ui, figures: &Figures) {
         CollapsingHeader::new("Which surface was found").show(ui, |ui| {
             let made = &figures.made;
-            let mut wish = self.wish.take().unwrap_or_else(|| Wish::of(made));
+            let is = Wish::of(made);
+            let mut wish = self.wish.take().unwrap_or_else(|| is.clone());
             let mut is_entered = false;
             let mut field = |ui: &mut Ui, text: &mut String, hint: &str, [name, label, about]: [&str; 3]| {
                 ui.horizontal(|ui| {
@@ -87,11 +88,10 @@ impl Window {
             };
             field(ui, &mut wish.iso, &found(made), ["Value of the surface", "value of the surface", VALUE]);
             field(ui, &mut wish.min_part, "none", ["Smallest piece, mm³", "smallest piece (mm³)", PIECES]);
-            let is_iso =
-                made.iso.is_none() && wish.value_key(made) == "lattice.iso" && wish.iso != Wish::of(made).iso;
+            let is_iso = made.iso.is_none() && wish.value_key(made) == "lattice.iso" && wish.iso != is.iso;
             let loses_classes = is_iso && !wish.iso.trim().is_empty() && !figures.classes.is_empty();
             part(ui, figures, &mut wish.part);
-            let differs = wish != Wish::of(made);
+            let differs = wish != is;
             // How the session was opened that an older log goes on from isn't known.
             let is_last = self.work.as_ref().is_some_and(|work| work.is_last);
             let again = ui.add_enabled(differs && !is_last, egui::Button::new("Make again"));

@@ -33,9 +33,7 @@ impl Model {
             self.moved_cross();
         }
     }
-}
 
-impl Model {
     /// Whether the volume's picture draws a value by any class, where values make it: what is clear there is air, or noise beside the body.
     fn is_drawn(&self, value: f64) -> bool {
         let by_value = self.transfer.as_ref().filter(|_| self.subject.shown_by == ShownBy::Values);
