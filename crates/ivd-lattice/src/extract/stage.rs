@@ -298,9 +298,16 @@ fn mask_of(labels: &Labels, id: u16) -> Result<Mask, Error> {
 
 /// The class that most voxels of a mask belong to (a filled hole belongs to others).
 fn majority<'a>(labels: &'a Labels, mask: &Mask) -> Result<&'a Class, Error> {
+    /// Voxels beside each other that are skipped together where none of them is inside.
+    const RUN: usize = 64;
     let mut counts = vec![0_u64; usize::from(u16::MAX) + 1];
-    for (id, _) in labels.ids().iter().zip(mask.inside()).filter(|(_, inside)| **inside == 1) {
-        counts[usize::from(*id)] += 1;
+    for (ids, inside) in labels.ids().chunks(RUN).zip(mask.inside().chunks(RUN)) {
+        if inside.iter().fold(0, |any, v| any | v) == 0 {
+            continue;
+        }
+        for (id, _) in ids.iter().zip(inside).filter(|(_, inside)| **inside == 1) {
+            counts[usize::from(*id)] += 1;
+        }
     }
     let most = labels.classes().iter().max_by_key(|c| (counts[usize::from(c.id)], std::cmp::Reverse(c.id)));
     most.ok_or_else(|| {

@@ -109,17 +109,22 @@ impl Ord for Length {
     }
 }
 
+/// The way to what isn't in the part: nothing is shorter.
+const OUTSIDE: f32 = f32::NEG_INFINITY;
+/// Groups that the longest way is divided into at most: voxels may be thousands of times as long as wide.
+const MOST_GROUPS: f64 = 4096.0;
+
 /// The voxels inside a part in the box of a ball, and a layer round it.
 struct Voxels {
     /// First voxel of the box, and its voxels with the layer.
     low: [usize; 3],
     size: [usize; 3],
-    /// Those in the part and the ball, ascending.
-    inside: Vec<u32>,
-    /// Length of the shortest way to each that is known (mm), rounded; infinite outside.
+    /// Length of the shortest way to each that is known (mm), rounded; [`OUTSIDE`] what isn't in the part and the ball.
     ways: Vec<f32>,
-    /// Neighbours that come before a voxel, and the lengths of the steps to them (mm).
-    before: [(usize, f32); 13],
+    /// Steps to a voxel's neighbours, and their lengths (mm).
+    steps: [(isize, f32); 26],
+    /// Voxels from which ways are to go on.
+    queue: Queue,
     /// No way is longer (mm).
     longest: f64,
     /// Edges of a voxel as vectors (mm).
@@ -150,23 +155,24 @@ impl Voxels {
             }
         };
         let linear = grid.linear_part();
-        let mut inside = Vec::new();
+        let mut ways = vec![OUTSIDE; size.iter().product()];
         for (i, _) in within.iter().enumerate().filter(|(_, within)| **within != 0) {
             let place = [i % box_size[0], i / box_size[0] % box_size[1], i / box_size[0] / box_size[1]];
             let voxel = Vector3::from_fn(|a, _| (low[a] + place[a]) as f64);
             if (linear * voxel - middle).norm() < radius {
-                inside.push((place[0] + 1 + size[0] * (place[1] + 1 + size[1] * (place[2] + 1))) as u32);
+                ways[place[0] + 1 + size[0] * (place[1] + 1 + size[1] * (place[2] + 1))] = f32::INFINITY;
             }
         }
-        let offsets = (0..27_usize).map(|i| [i % 3, i / 3 % 3, i / 9].map(|c| c as f64 - 1.0));
-        let mut before = [(0, 0.0); 13];
-        for (before, offset) in before.iter_mut().zip(offsets) {
-            // The first thirteen of the 27 come before the middle.
-            let back = -(offset[0] + size[0] as f64 * (offset[1] + size[1] as f64 * offset[2]));
-            *before = (back as usize, (linear * Vector3::from(offset)).norm() as f32);
+        let offsets = (0..27_usize).filter(|i| *i != 13).map(|i| [i % 3, i / 3 % 3, i / 9]);
+        let mut steps = [(0, 0.0); 26];
+        for (step, offset) in steps.iter_mut().zip(offsets) {
+            let [x, y, z] = offset.map(|c| c as isize - 1);
+            let mm = linear * Vector3::new(x as f64, y as f64, z as f64);
+            *step = (x + size[0] as isize * (y + size[1] as isize * z), mm.norm() as f32);
         }
-        let ways = vec![f32::INFINITY; size.iter().product()];
-        Ok(Self { low, size, inside, ways, before, longest, linear })
+        let shortest = steps.iter().fold(f32::INFINITY, |least, (_, mm)| least.min(*mm));
+        let queue = Queue::new(shortest.max((longest / MOST_GROUPS) as f32));
+        Ok(Self { low, size, ways, steps, queue, longest, linear })
     }
 
     /// The voxels of the part round a vertex, and how far they are (mm).
@@ -183,7 +189,7 @@ impl Voxels {
             let [x, y, z] = place.map(|c| c as usize);
             let voxel = x + self.size[0] * (y + self.size[1] * z);
             let known = found.iter().any(|(other, _)| *other == voxel);
-            if !known && self.inside.binary_search(&(voxel as u32)).is_ok() {
+            if !known && self.ways[voxel] != OUTSIDE {
                 found.push((voxel, (self.linear * (corner - at)).norm()));
             }
         }
@@ -195,34 +201,69 @@ impl Voxels {
         let shorter = way <= self.longest && (way as f32) < self.ways[voxel];
         if shorter {
             self.ways[voxel] = way as f32;
+            self.queue.push(voxel, way as f32);
         }
         shorter
     }
 
-    /// Goes on from the ways that are known to all voxels, there and back over the box until none gets shorter.
+    /// Goes on from the ways that were lowered to all voxels that they make nearer.
     fn spread(&mut self, exec: &Exec) -> Result<(), Error> {
-        let (ways, before) = (&mut self.ways, &self.before);
-        loop {
+        let Self { ways, queue, steps, longest, .. } = self;
+        let longest = *longest as f32;
+        let mut due = Vec::new();
+        while queue.take(&mut due) {
             exec.check_cancelled()?;
-            let mut changed = false;
-            for &voxel in &self.inside {
-                let voxel = voxel as usize;
-                let least =
-                    before.iter().fold(f32::INFINITY, |m, (back, step)| m.min(ways[voxel - back] + step));
-                changed |= least < ways[voxel];
-                ways[voxel] = ways[voxel].min(least);
-            }
-            for &voxel in self.inside.iter().rev() {
-                let voxel = voxel as usize;
-                let least =
-                    before.iter().fold(f32::INFINITY, |m, (back, step)| m.min(ways[voxel + back] + step));
-                changed |= least < ways[voxel];
-                ways[voxel] = ways[voxel].min(least);
-            }
-            if !changed {
-                return Ok(());
+            for &(voxel, way) in &due {
+                if way > ways[voxel as usize] {
+                    continue;
+                }
+                for &(offset, step) in &*steps {
+                    let next = (voxel as usize).wrapping_add_signed(offset);
+                    let longer = way + step;
+                    if longer < ways[next] && longer <= longest {
+                        ways[next] = longer;
+                        queue.push(next, longer);
+                    }
+                }
             }
         }
+        Ok(())
+    }
+}
+
+/// Voxels in groups of about the same way, the nearest first. A way that is shortened within its own group is looked at again.
+struct Queue {
+    groups: Vec<Vec<(u32, f32)>>,
+    /// The first that may hold a voxel.
+    first: usize,
+    per_mm: f32,
+}
+
+impl Queue {
+    /// Groups of `width` (mm).
+    fn new(width: f32) -> Self {
+        Self { groups: Vec::new(), first: 0, per_mm: 1.0 / width }
+    }
+
+    fn push(&mut self, voxel: usize, way: f32) {
+        let group = (way * self.per_mm) as usize;
+        if group >= self.groups.len() {
+            self.groups.resize_with(group + 1, Vec::new);
+        }
+        self.groups[group].push((voxel as u32, way));
+        self.first = self.first.min(group);
+    }
+
+    /// Takes all of the nearest group; whether there was any.
+    fn take(&mut self, due: &mut Vec<(u32, f32)>) -> bool {
+        while let Some(group) = self.groups.get_mut(self.first) {
+            if !group.is_empty() {
+                *due = std::mem::take(group);
+                return true;
+            }
+            self.first += 1;
+        }
+        false
     }
 }
 
@@ -249,10 +290,11 @@ mod tests {
             links[a].push((b, length));
             links[b].push((a, length));
         };
-        for &voxel in &voxels.inside {
-            for &(back, step) in &voxels.before {
-                if voxels.inside.binary_search(&(voxel - back as u32)).is_ok() {
-                    link(voxel as usize, voxel as usize - back, f64::from(step));
+        for voxel in (0..cells).filter(|&voxel| voxels.ways[voxel] != OUTSIDE) {
+            for (offset, step) in voxels.steps {
+                let next = voxel.wrapping_add_signed(offset);
+                if next > voxel && voxels.ways[next] != OUTSIDE {
+                    link(voxel, next, f64::from(step));
                 }
             }
         }
@@ -306,7 +348,7 @@ mod tests {
             let near: Vec<u32> = (0..rest.len() as u32)
                 .filter(|&v| v as usize == target || (rest[v as usize] - rest[target]).norm() < radius)
                 .collect();
-            let mut voxels = Voxels::new(&lattice, rest[target], radius, f64::INFINITY, &exec).unwrap();
+            let mut voxels = Voxels::new(&lattice, rest[target], radius, 1e3, &exec).unwrap();
             let expected = plain(&lattice, &edges, &rest, target, &near, &voxels);
             let found = ways(&lattice, &edges, &rest, target, &near, &mut voxels, &exec).unwrap();
             assert!(found.iter().filter(|way| way.is_finite()).count() > 20, "case {case}");
