@@ -50,12 +50,12 @@ impl Overlay {
         match self {
             Self::Motion => {
                 let ends = [0.0, rounded_up(largest_mm.max(0.01))];
-                Some(Scale { ends, unit: "mm", stops: &MOTION })
+                Some(Scale { ends, unit: "mm", goes_on: false, stops: &MOTION })
             }
             // Squeezed is blue and stretched is red.
             Self::Volume => {
                 let ends = [1.0 / MOST_TIMES, MOST_TIMES];
-                Some(Scale { ends, unit: "times the volume", stops: &BLUE_TO_RED })
+                Some(Scale { ends, unit: "times the volume", goes_on: true, stops: &BLUE_TO_RED })
             }
             Self::Classes => None,
         }
@@ -116,10 +116,22 @@ pub struct Scale {
     pub ends: [f64; 2],
     /// Of what.
     pub unit: &'static str,
+    /// Whether values go on beyond the ends, in the colours of the ends.
+    goes_on: bool,
     stops: &'static [[u8; 3]; 5],
 }
 
 impl Scale {
+    /// Its ends in words.
+    pub fn told(self) -> String {
+        let ([low, high], unit) = (self.ends.map(|end| (end * 1e6).round() / 1e6), self.unit);
+        if self.goes_on {
+            format!("≤ {low} to ≥ {high} {unit}")
+        } else {
+            format!("{low} to {high} {unit}")
+        }
+    }
+
     /// The colour at a share of the scale, 0 … 1; beyond its ends that of the end.
     pub fn colour(self, share: f64) -> [u8; 3] {
         colour_at(self.stops, share)
@@ -262,7 +274,7 @@ mod tests {
         let ends = [0.0, 0.011, 1.0, 1.2, 4.9, 12.0, 60.0].map(|most| scale(Overlay::Motion, most).ends[1]);
         let wanted = [0.01, 0.02, 1.0, 2.0, 5.0, 20.0, 100.0];
         assert!(ends.iter().zip(wanted).all(|(end, wanted)| (end - wanted).abs() < 1e-9), "{ends:?}");
-        assert_eq!(scale(Overlay::Volume, 9.0).ends, [0.5, 2.0]);
+        assert_eq!(scale(Overlay::Volume, 9.0).told(), "≤ 0.5 to ≥ 2 times the volume");
         let colours = |of: Overlay, shares: [f64; 2]| shares.map(|share| scale(of, 1.0).colour(share));
         assert_eq!(colours(Overlay::Motion, [-1.0, 0.0]), [MOTION[0]; 2]);
         assert_eq!(colours(Overlay::Volume, [0.25, 1.0]), [BLUE_TO_RED[1], BLUE_TO_RED[4]]);

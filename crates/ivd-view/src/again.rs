@@ -4,6 +4,7 @@ use egui::Context;
 use ivd_frames::{Class, Entry, Figures, Request, Ruler, Shows, Sight, Source, Spot};
 
 use crate::dialogs::Dialog;
+use crate::made::{AsBefore, told};
 use crate::waits::does_something;
 use crate::window::Window;
 use crate::work::{Begins, Work};
@@ -25,9 +26,16 @@ impl Window {
                 self.making = Some(Making::of(source));
             }
             Ok(entries) => {
-                let seen = self.shown.figures().map(Seen::of).unwrap_or_default();
+                let figures = self.shown.figures();
+                let mut seen = figures.map(Seen::of).unwrap_or_default();
+                let made = figures.map_or_else(String::new, |figures| told(&figures.made));
                 let (again, previous) = (source.clone(), self.previous.clone());
-                let before = Before { again, source: work.source.clone(), entries, seen, previous };
+                let was = AsBefore { source: work.source.clone(), made };
+                if previous.as_ref().is_some_and(|previous| previous.source == source) {
+                    // Handles are where they were before they went elsewhere.
+                    seen.handles.clear();
+                }
+                let before = Before { again, was, entries, seen, previous };
                 self.begin_again(&source, before.entries.clone(), before.seen.clone(), context);
                 self.before = self.work.is_some().then_some(before);
             }
@@ -44,7 +52,7 @@ impl Window {
 
     /// Opens what was open before the same was made otherwise.
     pub(crate) fn as_it_was(&mut self, before: Before, context: &Context) {
-        self.begin_again(&before.source, before.entries, before.seen, context);
+        self.begin_again(&before.was.source, before.entries, before.seen, context);
         self.previous = before.previous;
     }
 
@@ -53,8 +61,8 @@ impl Window {
         let Some(work) = ended else { return false };
         let before = self.before.take().filter(|before| before.again == work.source);
         let left = work.close();
-        let Some(Before { source, entries, seen, previous, .. }) = before else { return false };
-        self.begin(&source, Begins::Again(entries, left, seen.sight), context);
+        let Some(Before { was, entries, seen, previous, .. }) = before else { return false };
+        self.begin(&was.source, Begins::Again(entries, left, seen.sight), context);
         (self.seen, self.previous) = (seen, previous);
         true
     }
@@ -82,8 +90,7 @@ impl Window {
         }
         let is_open = |before: &Before| self.work.as_ref().is_some_and(|work| work.source == before.again);
         let before = self.before.take().filter(is_open);
-        self.previous =
-            before.as_ref().map(|before| Box::new(before.source.clone())).or(self.previous.take());
+        self.previous = before.as_ref().map(|before| Box::new(before.was.clone())).or(self.previous.take());
         if let Some(before) = before.filter(|_| !figures.missed.is_empty()) {
             self.dialog = Some(Dialog::Missed { missed: figures.missed.clone(), before });
         }
@@ -154,11 +161,11 @@ pub(crate) struct Before {
     /// What is made.
     again: Source,
     /// What was open.
-    source: Source,
+    was: AsBefore,
     /// What was done to it.
     entries: Vec<Entry>,
     /// How it was seen.
     seen: Seen,
     /// What was open before that.
-    previous: Option<Box<Source>>,
+    previous: Option<Box<AsBefore>>,
 }

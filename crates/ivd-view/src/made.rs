@@ -103,12 +103,15 @@ impl Window {
             if again.clicked() || is_entered && again.enabled() {
                 self.make_again(&wish, made);
             }
-            if let Some(source) = self.previous.clone() {
-                let back = ui.add_enabled(!is_last, egui::Button::new("Make as before"));
-                let back = back.on_hover_text(AS_BEFORE).on_disabled_hover_text(why_not);
-                if back.clicked() {
-                    self.make_of(*source);
-                }
+            if let Some(previous) = self.previous.clone() {
+                ui.horizontal_wrapped(|ui| {
+                    let back = ui.add_enabled(!is_last, egui::Button::new("Make as before"));
+                    let back = back.on_hover_text(AS_BEFORE).on_disabled_hover_text(why_not);
+                    ui.weak(&previous.made);
+                    if back.clicked() {
+                        self.make_of(previous.source);
+                    }
+                });
             }
             // Below what may be pressed, which stays where it is.
             if loses_classes {
@@ -144,6 +147,25 @@ impl Window {
     }
 }
 
+/// What was open before the same was made otherwise.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct AsBefore {
+    pub(crate) source: Source,
+    /// What it was made of, in words.
+    pub(crate) made: String,
+}
+
+/// What it is made of, in words.
+pub(crate) fn told(made: &Made) -> String {
+    let value = Wish::of(made).iso;
+    let value = if value.is_empty() { found(made) } else { format!("value {value}") };
+    let pieces = (made.min_part > 0.0).then(|| format!("pieces from {} mm³ on", made.min_part));
+    // All from a value on is told by the value.
+    let part =
+        Some(part_in_words(made, made.part.as_deref())).filter(|_| made.part.is_some() || !made.is_above());
+    [Some(value), part, pieces].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
 /// Where the surface was found.
 fn found(made: &Made) -> String {
     match made.between {
@@ -152,10 +174,9 @@ fn found(made: &Made) -> String {
     }
 }
 
-/// The part: a class, one that is chosen by a rule, or all of the surface.
-fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
-    let made = &figures.made;
-    let word = |part: Option<&str>| match (part, made.class) {
+/// A part: a class, one that is chosen by a rule, or all of the surface.
+fn part_in_words(made: &Made, part: Option<&str>) -> String {
+    match (part, made.class) {
         (None, Some(class)) if made.part.is_none() => format!("found: class {class}"),
         (None, None) if made.is_body => "found: all but the background".to_owned(),
         (None, None) if made.is_above() => {
@@ -164,7 +185,12 @@ fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
         (None, _) => "all of the surface".to_owned(),
         (Some(rule @ ("densest" | "largest")), _) => format!("the {rule} class"),
         (Some(class), _) => format!("class {class}"),
-    };
+    }
+}
+
+/// The part, to choose another.
+fn part(ui: &mut Ui, figures: &Figures, part: &mut Option<String>) {
+    let word = |part: Option<&str>| part_in_words(&figures.made, part);
     let classes = figures.classes.iter().map(|class| Some(class.id.to_string()));
     let rules = ["densest", "largest"].map(|rule| Some(rule.to_owned()));
     ComboBox::from_label("Part").selected_text(word(part.as_deref())).show_ui(ui, |ui| {

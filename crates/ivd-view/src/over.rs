@@ -312,10 +312,7 @@ impl Over<'_> {
             let part = Rect::from_min_size(corner + vec2(step * shade as f32, 0.0), vec2(step, LEGEND.y));
             self.painter.rect_filled(part, 0.0, Color32::from_rgb(red, green, blue));
         }
-        let ([low, high], unit) = (scale.ends, scale.unit);
-        let high = (high * 1e6).round() / 1e6;
-        let told = format!("{low} to {high} {unit}");
-        self.write(bar.left_top() - vec2(0.0, 2.0), Align2::LEFT_BOTTOM, told, LETTERS, TEXT);
+        self.write(bar.left_top() - vec2(0.0, 2.0), Align2::LEFT_BOTTOM, scale.told(), LETTERS, TEXT);
     }
 
     /// The classes by their colours, as far as there is room.

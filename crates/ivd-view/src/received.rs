@@ -12,8 +12,10 @@ use crate::files::Keeps;
 use crate::handles::AWAY;
 use crate::window::Window;
 
-/// A problem is told for so long (s).
+/// What is told stays for so long (s) ...
 const TOLD: f64 = 8.0;
+/// ... or for as long as it takes to read it in no hurry (letters in a second).
+const READ: f64 = 10.0;
 const PROBLEM: Color32 = Color32::from_rgb(91, 52, 19);
 const PROBLEM_TEXT: Color32 = Color32::from_rgb(255, 231, 207);
 
@@ -254,7 +256,7 @@ impl Window {
     pub(crate) fn words(&mut self, ui: &mut Ui) {
         let now = ui.input(|input| input.time);
         if let Some(word) = &mut self.word {
-            let until = *word.until.get_or_insert(now + TOLD);
+            let until = *word.until.get_or_insert(now + TOLD.max(word.text.chars().count() as f64 / READ));
             if now < until {
                 ui.ctx().request_repaint_after_secs((until - now) as f32);
             } else if !word.stays {

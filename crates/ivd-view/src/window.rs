@@ -10,7 +10,7 @@ use crate::gestures::Hands;
 use crate::handles::Typed;
 use crate::keys::Focus;
 use crate::layout::Layout;
-use crate::made::Wish;
+use crate::made::{AsBefore, Wish};
 use crate::pane::places;
 use crate::pending::Pending;
 use crate::received::{Inside, Way, Word};
@@ -57,7 +57,7 @@ pub struct Window {
     /// What is made again, and what was open before it, to go back to.
     pub(crate) before: Option<Before>,
     /// How it was opened before it was made otherwise.
-    pub(crate) previous: Option<Box<Source>>,
+    pub(crate) previous: Option<Box<AsBefore>>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.

@@ -86,6 +86,7 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     here.harness.event(egui::Event::Text("140".to_owned()));
     here.harness.step();
     assert!(here.has("no classes are looked for"));
+    assert!(here.has("pieces from 5 mm³ on"), "it is said what it was before");
     // And as it was before, with what is hidden.
     chosen(&mut here, "Make as before");
     here.told("of the first part, and hidden", |told| told.made.part.is_none() && told.classes[0].hidden);
@@ -279,8 +280,8 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.press("All right");
     here.settle();
     assert_eq!((here.figures().made.iso, here.figures().handles.len()), (Some(120.0), 1));
-    // Nor is the one before it lost.
-    assert!(here.has("Make as before"));
+    // Nor is the one before it lost, and it is said which that is.
+    assert!(here.has("Make as before") && here.has("value 127.5"));
     // What was done is there again too.
     here.press("Pin where the slices meet");
     here.told("a pin", |told| told.pins.len() == 1);
