@@ -30,15 +30,49 @@ impl From<VoxelIndex> for VoxelCoord {
 /// orthogonal in nearly every scan, but a sheared affine (a tilted gantry) is kept, not straightened.
 /// Grids are equal where their voxels are, whatever is known of the patient.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(try_from = "Unchecked")]
+#[serde(try_from = "Written", into = "Written")]
 pub struct Grid {
     dims: [usize; 3],
     spacing: [f64; 3],
     origin: [f64; 3],
     /// Column `a` is the world direction of voxel axis `a`.
     direction: [[f64; 3]; 3],
-    #[serde(skip_serializing_if = "is_yes")]
-    in_patient: bool,
+    reference: Reference,
+}
+
+/// What is known of world space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Reference {
+    /// Not even that its axes are the patient's.
+    Unknown,
+    /// That its axes are the patient's.
+    #[default]
+    Patient,
+    /// That it is another scan's, to which this one was aligned.
+    Aligned,
+    /// That of Talairach's atlas.
+    Talairach,
+    /// That of the mean brain MNI 152.
+    Mni,
+    /// That of another template.
+    Template,
+}
+
+impl Reference {
+    /// As it is written: whether world space is the patient's, where that isn't known, and what else is known. Of what is the rule nothing is.
+    pub fn written(self) -> (Option<bool>, Option<Self>) {
+        match self {
+            Self::Unknown => (Some(false), None),
+            Self::Patient => (None, None),
+            other => (None, Some(other)),
+        }
+    }
+
+    /// What is known by what was [written](Self::written).
+    pub fn of_written(in_patient: Option<bool>, reference: Option<Self>) -> Self {
+        if in_patient == Some(false) { Self::Unknown } else { reference.unwrap_or_default() }
+    }
 }
 
 impl PartialEq for Grid {
@@ -49,30 +83,32 @@ impl PartialEq for Grid {
 }
 
 /// A grid as it is written, before its parts are checked.
-#[derive(Deserialize)]
-struct Unchecked {
+#[derive(Serialize, Deserialize)]
+struct Written {
     dims: [usize; 3],
     spacing: [f64; 3],
     origin: [f64; 3],
     direction: [[f64; 3]; 3],
-    #[serde(default = "yes")]
-    in_patient: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    in_patient: Option<bool>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reference: Option<Reference>,
 }
 
-fn yes() -> bool {
-    true
+impl From<Grid> for Written {
+    fn from(grid: Grid) -> Self {
+        let (in_patient, reference) = grid.reference.written();
+        let Grid { dims, spacing, origin, direction, .. } = grid;
+        Self { dims, spacing, origin, direction, in_patient, reference }
+    }
 }
 
-#[allow(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
-fn is_yes(in_patient: &bool) -> bool {
-    *in_patient
-}
-
-impl TryFrom<Unchecked> for Grid {
+impl TryFrom<Written> for Grid {
     type Error = GridError;
-    fn try_from(grid: Unchecked) -> Result<Self, GridError> {
-        let Unchecked { dims, spacing, origin, direction, in_patient } = grid;
-        Ok(Self::new(dims, spacing, origin, direction)?.with_patient_space(in_patient))
+    fn try_from(grid: Written) -> Result<Self, GridError> {
+        let Written { dims, spacing, origin, direction, in_patient, reference } = grid;
+        let reference = Reference::of_written(in_patient, reference);
+        Ok(Self::new(dims, spacing, origin, direction)?.with_reference(reference))
     }
 }
 
@@ -113,7 +149,7 @@ impl Grid {
         if !unit || matrix.determinant().abs() < 1e-3 {
             return Err(GridError::Direction(direction));
         }
-        Ok(Self { dims, spacing, origin, direction, in_patient: true })
+        Ok(Self { dims, spacing, origin, direction, reference: Reference::Patient })
     }
 
     /// An axis-aligned grid: voxel axes along RAS, origin at 0.
@@ -144,13 +180,28 @@ impl Grid {
     /// The same, known to lie in the patient's space or not.
     #[must_use]
     pub fn with_patient_space(self, in_patient: bool) -> Self {
-        Self { in_patient, ..self }
+        match (in_patient, self.reference) {
+            (false, _) => self.with_reference(Reference::Unknown),
+            (true, Reference::Unknown) => self.with_reference(Reference::Patient),
+            (true, _) => self,
+        }
+    }
+
+    /// The same, with what is known of world space.
+    #[must_use]
+    pub fn with_reference(self, reference: Reference) -> Self {
+        Self { reference, ..self }
+    }
+
+    /// What is known of world space; a file that is written of it says the same, where its format can.
+    pub fn reference(&self) -> Reference {
+        self.reference
     }
 
     /// Whether the axes of world space are known to be the patient's: to the right, to the front, to the head. Where a file doesn't say so,
     /// pictures have no letters. Grids [match](Self::matches) whether or not they say so.
     pub fn in_patient(&self) -> bool {
-        self.in_patient
+        self.reference != Reference::Unknown
     }
 
     /// Voxels along x, y, z.
@@ -318,7 +369,7 @@ impl Grid {
         let [x, y, z] = place;
         let mirrored = [[-x, -y, z], [-x, y, z], [x, -y, z]].into_iter().find(|place| inside(*place));
         let meant = mirrored.map_or_else(String::new, |[x, y, z]| {
-            let taken = if self.in_patient { "" } else { ", as which this file is taken, that doesn't say where the patient lies" };
+            let taken = if self.in_patient() { "" } else { ", as which this file is taken, that doesn't say where the patient lies" };
             format!("; did you mean x = {x}, y = {y}, z = {z}? Places are in RAS: x and y have the other sign in LPS{taken}")
         });
         Some(format!("the volume spans {} mm{meant}", spans.join(", ")))
@@ -410,13 +461,17 @@ mod tests {
     fn what_is_known_of_the_patient_is_written_only_where_it_is_not_the_rule() {
         let known = Grid::with_spacing([2; 3], [1.0; 3]).unwrap();
         let unknown = known.clone().with_patient_space(false);
-        assert!(known.in_patient() && !unknown.in_patient() && known.matches(&unknown));
+        let mean = known.clone().with_reference(Reference::Mni).with_patient_space(true);
+        assert!(
+            known.in_patient() && !unknown.in_patient() && known.matches(&unknown) && known.matches(&mean)
+        );
         assert_eq!(known, unknown);
-        for grid in [&known, &unknown] {
+        for grid in [&known, &unknown, &mean] {
             let written = serde_json::to_string(grid).unwrap();
             assert_eq!(written.contains("in_patient"), !grid.in_patient());
+            assert_eq!(written.contains("reference"), grid.reference() == Reference::Mni);
             let read: Grid = serde_json::from_str(&written).unwrap();
-            assert_eq!((&read, read.in_patient()), (grid, grid.in_patient()));
+            assert_eq!((&read, read.reference()), (grid, grid.reference()));
         }
     }
 

@@ -64,7 +64,7 @@ pub use class_looks::ClassLook;
 pub use displacement::{Displacement, FieldBricks, NO_BRICK};
 pub use error::{Classified, Error, ErrorClass, GridError, ParamError};
 pub use exec::{Cancel, Exec, Iteration, NoObserver, Observer, has_avx2};
-pub use grid::{Grid, VoxelCoord, VoxelIndex, World};
+pub use grid::{Grid, Reference, VoxelCoord, VoxelIndex, World};
 pub use image::Image;
 pub use kernel::{Answer, Device, DeviceForm, Kernel, Served, ServedBy};
 pub use labels::{Class, Labels, NO_DATA};

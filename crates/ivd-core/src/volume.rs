@@ -4,7 +4,8 @@ use std::sync::OnceLock;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    BrickIndex, BrickRanges, Error, Exec, Grid, Scalar, VoxelIndex, VoxelType, Voxels, parallel, with_voxels,
+    BrickIndex, BrickRanges, Error, Exec, Grid, Reference, Scalar, VoxelIndex, VoxelType, Voxels, parallel,
+    with_voxels,
 };
 
 /// What a scan was made with.
@@ -102,6 +103,12 @@ impl Volume {
     #[must_use]
     pub fn with_patient_space(self, in_patient: bool) -> Self {
         Self { grid: self.grid.with_patient_space(in_patient), ..self }
+    }
+
+    /// The same on a [grid with what is known of world space](Grid::with_reference).
+    #[must_use]
+    pub fn with_reference(self, reference: Reference) -> Self {
+        Self { grid: self.grid.with_reference(reference), ..self }
     }
 
     /// Where the voxels lie.

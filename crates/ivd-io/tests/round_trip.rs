@@ -6,7 +6,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ivd_core::{Exec, Grid, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
+use ivd_core::{Exec, Grid, Reference, Scalar, Volume, VoxelCoord, VoxelType, Voxels};
 use ivd_io::volume::{ByteOrder, RawLayout, ReadOptions, read, write};
 
 use crate::notes::Notes;
@@ -347,6 +347,27 @@ fn whether_a_file_says_where_the_patient_lies_outlives_every_format_that_can_say
                 assert_eq!(back.grid().in_patient(), in_patient, "{name}, {file}");
             }
         }
+    }
+}
+
+#[test]
+fn the_space_that_a_nifti_names_is_named_by_what_is_written_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, grid) = grids().swap_remove(0);
+    for (code, reference) in [
+        (1_i16, Reference::Patient),
+        (2, Reference::Aligned),
+        (3, Reference::Talairach),
+        (4, Reference::Mni),
+        (5, Reference::Template),
+    ] {
+        let volume = Volume::new(grid.clone(), voxels(VoxelType::I16)).unwrap().with_reference(reference);
+        let (back, ..) = there_and_back(folder.path(), "a.nii", &volume);
+        assert_eq!(back.grid().reference(), reference);
+        let header = std::fs::read(folder.path().join("a.nii")).unwrap();
+        // `qform_code` and `sform_code`.
+        let codes = [252, 254].map(|at| i16::from_le_bytes([header[at], header[at + 1]]));
+        assert_eq!(codes, [code; 2], "{reference:?}");
     }
 }
 

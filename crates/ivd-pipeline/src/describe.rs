@@ -18,6 +18,9 @@ fn grid_facts(grid: &Grid) -> Value {
         "units": "mm", "space": "RAS", "extent_mm": told_box(grid.extent()),
         "centre_mm": <[f64; 3]>::from(grid.world(VoxelCoord(middle.into())).0),
     });
+    if let (_, Some(reference)) = grid.reference().written() {
+        told["reference"] = json!(reference);
+    }
     if !grid.in_patient() {
         told["hint"] = json!(NOWHERE);
     }

@@ -1,4 +1,4 @@
-use ivd_core::Grid;
+use ivd_core::{Grid, Reference};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::Problem;
@@ -47,16 +47,21 @@ pub(crate) struct GridContent {
     /// Written only where world space isn't known to be the patient's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     in_patient: Option<bool>,
+    /// Written only where more is known than that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reference: Option<Reference>,
 }
 
 impl From<&Grid> for GridContent {
     fn from(grid: &Grid) -> Self {
+        let (in_patient, reference) = grid.reference().written();
         Self {
             dims: grid.dims(),
             spacing: grid.spacing(),
             origin: grid.origin(),
             direction: grid.direction(),
-            in_patient: (!grid.in_patient()).then_some(false),
+            in_patient,
+            reference,
         }
     }
 }
@@ -65,7 +70,7 @@ impl GridContent {
     /// The grid, checked.
     pub(crate) fn grid(&self) -> Result<Grid, Problem> {
         let grid = Grid::new(self.dims, self.spacing, self.origin, self.direction)?;
-        Ok(grid.with_patient_space(self.in_patient.unwrap_or(true)))
+        Ok(grid.with_reference(Reference::of_written(self.in_patient, self.reference)))
     }
 }
 

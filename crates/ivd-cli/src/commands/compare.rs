@@ -131,7 +131,7 @@ fn differing(a: &Artefact, b: &Artefact) -> Vec<&'static str> {
             ("origin", is_apart && origin),
             ("axes", is_apart && axes),
             ("last digits of the grid", !is_apart && (spacing || origin || axes)),
-            ("word of where the patient lies", here.in_patient() != there.in_patient()),
+            ("word of what space it lies in", here.reference() != there.reference()),
         ]
     });
     let all = differences.into_iter().chain(places.into_iter().flatten());

@@ -33,7 +33,7 @@ impl GridTaken {
             spacing: both.map(Grid::spacing),
             origin: both.map(Grid::origin),
             axes: both.map(|grid| VoxelAxes::nearest(grid).to_string()),
-            same: own.matches(taken) && own.in_patient() == taken.in_patient(),
+            same: own.matches(taken) && own.reference() == taken.reference(),
         }
     }
 

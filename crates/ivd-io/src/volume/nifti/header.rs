@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use ivd_core::VoxelType;
+use ivd_core::{Reference, VoxelType};
 
 use crate::Space;
 use crate::volume::stored::FileType;
@@ -176,11 +176,20 @@ impl Header {
         })
     }
 
-    /// Whether the affine is the patient's.
-    pub(super) fn states_patient(&self) -> bool {
+    /// What is known of the affine's space, by the code of the one that is read.
+    pub(super) fn reference(&self) -> Reference {
         // What another program has placed since has another code.
         let ours = self.disclaims_patient && self.sform_code == 2 && matches!(self.qform_code, 0 | 2);
-        (self.sform_code > 0 || self.qform_code > 0) && !ours
+        let code = if self.sform_code > 0 { self.sform_code } else { self.qform_code };
+        match code {
+            ..=0 => Reference::Unknown,
+            _ if ours => Reference::Unknown,
+            2 => Reference::Aligned,
+            3 => Reference::Talairach,
+            4 => Reference::Mni,
+            5 => Reference::Template,
+            _ => Reference::Patient,
+        }
     }
 
     /// The space of a field of three components, as ITK takes the intents; `None` where it is none.

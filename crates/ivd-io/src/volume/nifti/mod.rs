@@ -52,9 +52,9 @@ pub(crate) fn unpacked_head(path: &Path) -> Result<Vec<u8>, Error> {
 pub(crate) fn read(path: &Path, frame: Option<usize>, exec: &Exec) -> Result<Volume, Error> {
     let open = Open::of(path)?;
     let (dims, frames) = open.header.sizes(&open.header_path)?;
-    let stated = open.header.states_patient();
+    let reference = open.header.reference();
     let (grid, voxels, [slope, intercept]) = open.read(path, dims, frames, frame, 1, exec)?;
-    Ok(Volume::with_scale(grid, voxels, slope, intercept)?.with_patient_space(stated))
+    Ok(Volume::with_scale(grid, voxels, slope, intercept)?.with_reference(reference))
 }
 
 /// Reads the components of a displacement field, one after the other.

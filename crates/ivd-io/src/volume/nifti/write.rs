@@ -2,7 +2,7 @@ use std::io::Write;
 use std::path::Path;
 
 use flate2::{Compression, GzBuilder};
-use ivd_core::{Exec, Grid, Volume, VoxelType};
+use ivd_core::{Exec, Grid, Reference, Volume, VoxelType};
 use nalgebra::Vector3;
 
 use super::ending::strip_ending;
@@ -199,7 +199,14 @@ fn header_2(grid: &Grid, voxel_type: VoxelType, scale: [f64; 2], field: Option<&
 /// The codes of qform, where there is one, and sform, and what the description says of them. The format has no code for an affine that isn't the
 /// patient's, and without any the places are lost: then it is said to be that of another file.
 fn space(grid: &Grid, has_qform: bool) -> ([i16; 2], &'static [u8]) {
-    let (code, says): (_, &[u8]) = if grid.in_patient() { (1, b"") } else { (2, NO_PATIENT) };
+    let (code, says): (_, &[u8]) = match grid.reference() {
+        Reference::Unknown => (2, NO_PATIENT),
+        Reference::Patient => (1, b""),
+        Reference::Aligned => (2, b""),
+        Reference::Talairach => (3, b""),
+        Reference::Mni => (4, b""),
+        Reference::Template => (5, b""),
+    };
     ([if has_qform { code } else { 0 }, code], says)
 }
 
