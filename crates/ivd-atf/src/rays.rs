@@ -15,7 +15,7 @@ use crate::roles::Role;
 const MOST_ACROSS: usize = 128;
 /// Least rays along a side of a view, however narrow.
 const LEAST_ACROSS: usize = 8;
-/// Directions of views along the grid, each of them both ways: along its axes, …
+/// Directions of views along the grid, each of them both ways, by the same rays: along its axes, …
 const AXES: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// … and then along its diagonals.
 const DIAGONALS: [[f64; 3]; 4] = [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, -1.0]];
@@ -43,6 +43,8 @@ pub(crate) struct RayRow {
     pub(crate) rays: Vec<Ray>,
     /// Which of [`Bundle::step_mm`] is the distance of the samples.
     pub(crate) step: usize,
+    /// Whether they are looked along from the back, too.
+    pub(crate) is_both_ways: bool,
 }
 
 impl RayRow {
@@ -70,8 +72,10 @@ pub(crate) fn cast(
     let across = reduced.dims.into_iter().max().unwrap_or(1).clamp(LEAST_ACROSS, MOST_ACROSS);
     let extents = (0..3).map(|a| reduced.dims[a] as f64 * reduced.spacing[a]);
     let apart = extents.fold(0.0, f64::max) / across as f64;
-    let directions = AXES.into_iter().chain(DIAGONALS).flat_map(|d| [d, d.map(|c| -c)]);
-    let views: Vec<View> = directions.take(views).map(|d| View::new(d, reduced, apart)).collect();
+    let directions = AXES.into_iter().chain(DIAGONALS).zip((0..views).step_by(2));
+    let views: Vec<View> = directions
+        .map(|(d, i)| View { is_both_ways: i + 1 < views, ..View::new(d, reduced, apart) })
+        .collect();
     let samples: usize = views.iter().map(|view| view.samples * view.rays[0] * view.rays[1]).sum();
     exec.check_memory("samples on rays", 4 * samples as u64)?;
     let rows: Vec<(&View, usize)> =
@@ -94,8 +98,9 @@ pub(crate) fn cast(
         exec.check_cancelled()?;
         let (view, v) = rows[i];
         let step = step_mm.iter().position(|&mm| mm == view.step_mm).expect("each view's step is listed");
-        let mut row = RayRow { step, ..RayRow::default() };
+        let mut row = RayRow { step, is_both_ways: view.is_both_ways, ..RayRow::default() };
         (0..view.rays[0]).for_each(|u| caster.ray(view, view.start([u, v]), &mut row));
+        row.kinds.shrink_to_fit();
         Ok::<_, Error>(row)
     })?;
     Ok(Bundle { rows, step_mm })
@@ -111,6 +116,7 @@ struct View {
     step_mm: f64,
     /// Samples of its longest ray.
     samples: usize,
+    is_both_ways: bool,
 }
 
 impl View {
@@ -122,7 +128,8 @@ impl View {
         let spacing = Vector3::from(reduced.spacing);
         let dims = Vector3::from(reduced.dims.map(|n| n as f64));
         let forward = Vector3::from(direction).normalize();
-        let first = if forward.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() };
+        // Where they look along z the rays of a row lie beside each other along x: they meet the same lines of memory.
+        let first = if forward.z.abs() < 0.9 { Vector3::z() } else { Vector3::y() };
         let right = forward.cross(&first).normalize();
         let basis = [right, right.cross(&forward), forward];
         // Corners of the volume [mm] from the first voxel's centre.
@@ -150,6 +157,7 @@ impl View {
             step: in_voxels(forward * step_mm),
             step_mm,
             samples: samples as usize,
+            is_both_ways: false,
         }
     }
 

@@ -4,7 +4,7 @@ use ivd_core::{Exec, Iteration, parallel};
 
 use crate::Error;
 use crate::bins::SampleBins;
-use crate::rays::{Bundle, RayRow};
+use crate::rays::{Bundle, Ray};
 
 /// Opacity that materials start with.
 const START: f64 = 0.3;
@@ -47,7 +47,7 @@ pub(crate) struct Fit {
     pub(crate) rounds: u32,
     /// Mean opacity of rays that meet data but no matter, where there are any.
     pub(crate) background_opacity: Option<f64>,
-    /// RayRow that meet matter and are less than half opaque, or the reverse, per ray that meets matter, where there are any.
+    /// Rays that meet matter and are less than half opaque, or the reverse, per ray that meets matter, where there are any.
     pub(crate) silhouette_difference: Option<f64>,
 }
 
@@ -55,7 +55,7 @@ pub(crate) struct Fit {
 struct Sums {
     /// Visibility of each kind of sample.
     visibility: Vec<u64>,
-    /// RayRow that meet matter, those of them that are less than half opaque, the opposite, and rays that meet data but no matter.
+    /// Rays that meet matter, those of them that are less than half opaque, the opposite, and rays that meet data but no matter.
     rays: [u64; 4],
     background: u64,
 }
@@ -272,8 +272,14 @@ fn visibility(
     let empty = || Sums { visibility: vec![0; bins.len()], rays: [0; 4], background: 0 };
     let gathered = parallel::try_gather(bundle.rows.len(), &empty, &|sums, i| {
         exec.check_cancelled()?;
-        let rays = &bundle.rows[i];
-        composite(rays, &of_steps[rays.step], sums);
+        let row = &bundle.rows[i];
+        let step = &of_steps[row.step];
+        for (ray, kinds) in row.each() {
+            composite(ray, kinds.iter(), step, sums);
+            if row.is_both_ways {
+                composite(ray, kinds.iter().rev(), step, sums);
+            }
+        }
         Ok::<_, Error>(())
     })?;
     let mut all = empty();
@@ -290,7 +296,7 @@ fn visibility(
             visibility[usize::from(k)] += sum as f64 / f64::from(PARTS) * part;
         }
     }
-    // RayRow that are opaque beside the matter see it too.
+    // Rays that are opaque beside the matter see it too.
     let rays = (matter + opaque).max(1.0);
     for visibility in &mut visibility {
         *visibility /= rays;
@@ -311,26 +317,24 @@ fn visibility(
 /// Transmittance at which a ray is at its end.
 const OPAQUE: f32 = 1e-3;
 
-/// `step`: opacity of each kind of sample over a step.
-fn composite(rays: &RayRow, step: &[f32], sums: &mut Sums) {
-    for (ray, kinds) in rays.each() {
-        let mut through = 1.0_f32;
-        for &kind in kinds {
-            let taken = through * step[kind as usize];
-            sums.visibility[kind as usize] += (taken * PARTS) as u64;
-            through -= taken;
-            if through < OPAQUE {
-                break;
-            }
+/// A ray from front to back: `kinds` of its samples, and the opacity of each kind over a step.
+fn composite<'a>(ray: Ray, kinds: impl Iterator<Item = &'a u32>, step: &[f32], sums: &mut Sums) {
+    let mut through = 1.0_f32;
+    for &kind in kinds {
+        let taken = through * step[kind as usize];
+        sums.visibility[kind as usize] += (taken * PARTS) as u64;
+        through -= taken;
+        if through < OPAQUE {
+            break;
         }
-        let is_opaque = through < 0.5;
-        sums.rays[0] += u64::from(ray.meets_matter);
-        sums.rays[1] += u64::from(ray.meets_matter && !is_opaque);
-        sums.rays[2] += u64::from(!ray.meets_matter && is_opaque);
-        if ray.meets_data && !ray.meets_matter {
-            sums.rays[3] += 1;
-            sums.background += ((1.0 - through) * PARTS) as u64;
-        }
+    }
+    let is_opaque = through < 0.5;
+    sums.rays[0] += u64::from(ray.meets_matter);
+    sums.rays[1] += u64::from(ray.meets_matter && !is_opaque);
+    sums.rays[2] += u64::from(!ray.meets_matter && is_opaque);
+    if ray.meets_data && !ray.meets_matter {
+        sums.rays[3] += 1;
+        sums.background += ((1.0 - through) * PARTS) as u64;
     }
 }
 
@@ -349,8 +353,11 @@ fn coverage(
     let empty = || (vec![0_u64; classes], 0_u64, vec![0.0_f64; classes], Vec::<u16>::new());
     let gathered = parallel::try_gather(bundle.rows.len(), &empty, &|(covered, rays, depths, met), i| {
         exec.check_cancelled()?;
-        let depth = depth * steps[bundle.rows[i].step];
-        for (ray, kinds) in bundle.rows[i].each().filter(|(ray, _)| ray.meets_matter) {
+        let row = &bundle.rows[i];
+        // From the back a ray is as long.
+        let ways = 1 + u64::from(row.is_both_ways);
+        let depth = depth * steps[row.step];
+        for (_, kinds) in row.each().filter(|(ray, _)| ray.meets_matter) {
             for &(k, share) in kinds.iter().flat_map(|&kind| bins.parts(kind as usize)) {
                 let sum = &mut depths[usize::from(k)];
                 if *sum == 0.0 {
@@ -358,10 +365,10 @@ fn coverage(
                 }
                 *sum += f64::from(share) * depth;
             }
-            *rays += u64::from(ray.meets_matter);
+            *rays += ways;
             for k in met.drain(..) {
                 let sum = std::mem::take(&mut depths[usize::from(k)]);
-                covered[usize::from(k)] += ((1.0 - (-sum).exp()) * f64::from(PARTS)) as u64;
+                covered[usize::from(k)] += ways * ((1.0 - (-sum).exp()) * f64::from(PARTS)) as u64;
             }
         }
         Ok::<_, Error>(())

@@ -409,6 +409,31 @@ fn thin_parts_of_the_outside_are_seen_as_far_as_the_inside_lets_them() {
 }
 
 #[test]
+fn a_second_view_looks_along_the_same_rays_from_the_back() {
+    // A block whose halves differ, in air; all is as opaque as the other. Seen from its left alone, and from both sides.
+    let label = |[x, y, z]: [usize; 3]| match (x, [y, z].iter().all(|c| (4..20).contains(c))) {
+        (4..12, true) => 2,
+        (12..20, true) => 3,
+        _ => 1,
+    };
+    let (volume, labels) = scene(|at| 100.0 * f32::from(label(at)), label);
+    let seen = |views: usize| {
+        let params = Params { max_opacity: 0.5, min_opacity: 0.5, views, ..Params::default() };
+        let figures = transfer(&volume, &labels, &params, &Exec::default()).unwrap().figures;
+        assert_eq!(figures.views, views as u32);
+        [0, 1].map(|i| (figures.visibility[i].visibility, figures.visibility[i].coverage))
+    };
+    let [[(left, covers), (right, _)], [(left_of_both, covers_both), (right_of_both, _)]] =
+        [seen(1), seen(2)];
+    assert!(left > 0.95 && right < 0.05, "{left} {right}");
+    assert!((left_of_both - right_of_both).abs() < 0.02, "{left_of_both} {right_of_both}");
+    assert!((covers - covers_both).abs() < 1e-6, "{covers} {covers_both}");
+    // A third looks along other rays, from one side.
+    let [(third, _), _] = seen(3);
+    assert!((third - left_of_both).abs() < 0.05, "{third}");
+}
+
+#[test]
 fn a_thin_slab_is_looked_through_at_its_own_thickness() {
     // Looked at from its broad side alone, a slab of half a reference length: what is seen there is what its thickness lets through.
     let (volume, labels) = slab([64, 64, 3], |[x, y, _]| (8..56).contains(&x) && (8..56).contains(&y));
