@@ -1,4 +1,4 @@
-//! What of a class is joined to the outside.
+//! What of some classes is joined to the outside.
 
 use crate::reduced::{MISSING, Reduced, evenly};
 use crate::statistics::is_outermost;
@@ -6,10 +6,10 @@ use crate::statistics::is_outermost;
 /// Most voxels along an axis that the outside is followed through.
 const MOST_ALONG: usize = 128;
 
-/// Share of a class's voxels that are joined to the volume's outermost layer (across axes of more than two voxels) through faces of
-/// voxels of the class. Missing voxels belong
-/// to no class. Finer volumes are followed on 128 samples along an axis, evenly from the first layer to the last.
-pub(crate) fn joined_share(reduced: &Reduced<'_>, class: u16) -> f64 {
+/// Share of some classes' voxels that are joined to the volume's outermost layer (across axes of more than two voxels) through faces of
+/// voxels of these classes. Missing voxels belong to no class. Finer volumes are followed on 128 samples along an axis, evenly from the first layer to
+/// the last.
+pub(crate) fn joined_share(reduced: &Reduced<'_>, is_chosen: impl Fn(usize) -> bool) -> f64 {
     let dims = reduced.dims.map(|n| n.min(MOST_ALONG));
     let [nx, ny, nz] = dims;
     let index = |[x, y, z]: [usize; 3]| x + nx * (y + ny * z);
@@ -22,7 +22,7 @@ pub(crate) fn joined_share(reduced: &Reduced<'_>, class: u16) -> f64 {
                 let place = [x, y, z];
                 let at: [usize; 3] = std::array::from_fn(|a| evenly(place[a], dims[a], reduced.dims[a]));
                 let level = reduced.row(at[1], at[2])[at[0]];
-                if level == MISSING || reduced.rank(at) != class {
+                if level == MISSING || !is_chosen(usize::from(reduced.rank(at))) {
                     continue;
                 }
                 voxels += 1;
@@ -69,7 +69,8 @@ mod tests {
         let rank = (0..=u16::MAX).collect();
         let reduced = Reduced::new(&volume, &labels, rank, [0.0, 1.0], 9, &Exec::default()).unwrap();
         let all = 729.0 - 125.0 + 27.0;
-        assert!((joined_share(&reduced, 0) - (all - 27.0) / all).abs() < 1e-12);
-        assert_eq!(joined_share(&reduced, 1), 0.0);
+        assert!((joined_share(&reduced, |class| class == 0) - (all - 27.0) / all).abs() < 1e-12);
+        assert_eq!(joined_share(&reduced, |class| class == 1), 0.0);
+        assert_eq!(joined_share(&reduced, |class| class < 2), 1.0);
     }
 }

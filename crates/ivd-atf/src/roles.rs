@@ -94,7 +94,7 @@ pub(crate) fn roles(
     } else if is_chosen {
         vec![false; classes.len()]
     } else {
-        by_border(classes, |class| joined_share(reduced, class as u16) >= JOINED)
+        by_border(classes, structure, |outside| joined_share(reduced, |class| outside[class]) >= JOINED)
     };
     keep_one(&mut background, |class| classes[class].id != NO_DATA);
     if !is_chosen {
@@ -119,19 +119,51 @@ fn keep_one(background: &mut [bool], has_label: impl Fn(usize) -> bool) {
     }
 }
 
-/// The class with the largest share of the outermost layer, if it is joined to it, and every class on its far side from the bulk of the rest.
-fn by_border(classes: &[ClassStatistics], is_joined: impl Fn(usize) -> bool) -> Vec<bool> {
+/// The class with the largest share of the outermost layer, with those that noise splits it into, if it is joined to that layer, and every class on its far
+/// side from the bulk of the rest.
+fn by_border(
+    classes: &[ClassStatistics],
+    structure: &Structure,
+    is_joined: impl Fn(&[bool]) -> bool,
+) -> Vec<bool> {
     let nothing = vec![false; classes.len()];
     let most = classes.iter().map(|class| class.on_sides).max().unwrap_or(0);
-    let Some(outside) = classes.iter().position(|class| class.on_sides == most) else { return nothing };
-    if classes.len() < 2 || most == 0 || !is_joined(outside) {
+    let Some(first) = classes.iter().position(|class| class.on_sides == most) else { return nothing };
+    let mut alone = nothing.clone();
+    alone[first] = true;
+    let mut outside = alone.clone();
+    while let Some(class) = (0..classes.len()).find(|&c| !outside[c] && are_mixed(structure, &outside, c)) {
+        outside[class] = true;
+    }
+    // Where all is one noise there is nothing outside.
+    if outside.iter().all(|is| *is) || most == 0 || !(is_joined(&outside) || is_joined(&alone)) {
         return nothing;
     }
-    let rest = || classes.iter().enumerate().filter(|(i, _)| *i != outside).map(|(_, class)| class);
-    let voxels: f64 = rest().map(|class| class.voxels as f64).sum();
-    let bulk = rest().map(|class| class.mean * (class.voxels as f64 / voxels)).sum::<f64>();
-    let is_above = bulk > classes[outside].mean;
-    (0..classes.len()).map(|i| if is_above { i <= outside } else { i >= outside }).collect()
+    let mean_of = |is_outside: bool| {
+        let chosen =
+            || classes.iter().zip(&outside).filter(|(_, is)| **is == is_outside).map(|(class, _)| class);
+        let voxels: f64 = chosen().map(|class| class.voxels as f64).sum();
+        chosen().map(|class| class.mean * (class.voxels as f64 / voxels)).sum::<f64>()
+    };
+    let is_above = mean_of(false) > mean_of(true);
+    let [lowest, highest] = [outside.iter().position(|is| *is), outside.iter().rposition(|is| *is)];
+    (0..classes.len()).map(|i| if is_above { Some(i) <= highest } else { Some(i) >= lowest }).collect()
+}
+
+/// At least this of what it would be if they lay among each other by chance makes classes a mixture.
+const MIXED: f64 = 0.25;
+
+/// Whether a class lies among the voxels of others as by chance, at steps that noise makes: then noise has split them. If voxels were of either at
+/// random, the faces between the two, squared, would be four times the product of those within each.
+fn are_mixed(structure: &Structure, others: &[bool], class: usize) -> bool {
+    let all = || (0..others.len()).filter(|&b| others[b]);
+    let between: u64 = all().map(|b| structure.faces(class, b)).sum();
+    let among: u64 =
+        all().map(|a| all().filter(|&b| b >= a).map(|b| structure.faces(a, b)).sum::<u64>()).sum();
+    let within = 4.0 * structure.faces(class, class) as f64 * among as f64;
+    between > 0
+        && (between as f64).powi(2) >= MIXED * within
+        && structure.step(class, |b| others[b]) <= NOISE_STEP * structure.noise
 }
 
 /// A class whose mean step to the background is at most so many deviations of the noise may be a split of the background …
@@ -217,11 +249,14 @@ mod tests {
         // An artefact of undershoot below the air, as in a scan of a tooth.
         let tooth =
             [class(139.0, 10, 0), class(400.0, 1000, 500), class(800.0, 200, 0), class(1200.0, 100, 0)];
-        assert_eq!(by_border(&tooth, |_| true), [true, true, false, false]);
-        assert_eq!(by_border(&tooth, |_| false), [false; 4], "it isn't joined to the outside");
+        // Each of the classes apart from all others.
+        let apart =
+            |n: usize| Structure::of_faces(n, (0..n * n).map(|i| u64::from(i % (n + 1) == 0)).collect());
+        assert_eq!(by_border(&tooth, &apart(4), |_| true), [true, true, false, false]);
+        assert_eq!(by_border(&tooth, &apart(4), |_| false), [false; 4], "it isn't joined to the outside");
         let inverted = [class(10.0, 300, 5), class(90.0, 900, 500), class(99.0, 5, 0)];
-        assert_eq!(by_border(&inverted, |_| true), [false, true, true]);
-        assert_eq!(by_border(&tooth[1..2], |_| true), [false], "one class alone is seen");
+        assert_eq!(by_border(&inverted, &apart(3), |_| true), [false, true, true]);
+        assert_eq!(by_border(&tooth[1..2], &apart(1), |_| true), [false], "one class alone is seen");
         let mut all = vec![true, true];
         keep_one(&mut all, |_| true);
         assert_eq!(all, [false, false]);

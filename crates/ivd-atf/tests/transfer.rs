@@ -348,6 +348,41 @@ fn air_alone_is_seen_where_there_is_nothing_else() {
 }
 
 #[test]
+fn noise_that_is_split_into_classes_is_all_background_whatever_share_of_them_there_is() {
+    // A thin bar in noise: k-means of a few classes or more divides the noise, as the bar is too small to matter to it.
+    let grid = Grid::with_spacing([32; 3], [1.0; 3]).unwrap();
+    let mut state = 1_u64;
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    };
+    // Sums of twelve uniform numbers: deviation 1.
+    let noise: Vec<f32> = (0..grid.len()).map(|_| (0..12).map(|_| uniform()).sum::<f32>() - 6.0).collect();
+    let in_bar = |i: usize| {
+        let [x, y, z] = grid.index(i).0;
+        (15..18).contains(&x) && (14..17).contains(&y) && (4..28).contains(&z)
+    };
+    for (classes, sign) in [(2, 1.0), (3, 1.0), (4, 1.0), (6, 1.0), (8, 1.0), (4, -1.0), (8, -1.0)] {
+        // Classes of the noise are 1 deviation wide at most, and evenly round 0.
+        let width = 1.0_f32.min(4.0 / (classes - 1) as f32);
+        let class = |i: usize| {
+            let at = (noise[i] / width + (classes - 1) as f32 / 2.0).clamp(0.0, (classes - 2) as f32);
+            if in_bar(i) { classes } else { at as u16 + 1 }
+        };
+        let values: Vec<f32> =
+            (0..grid.len()).map(|i| sign * (noise[i] + if in_bar(i) { 50.0 } else { 0.0 })).collect();
+        let ids: Vec<u16> = (0..grid.len()).map(class).collect();
+        let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
+        let labels = Labels::new(grid.clone(), ids.into(), vec![]).unwrap();
+        let figures = transfer(&volume, &labels, &Params::default(), &Exec::default()).unwrap().figures;
+        let mut background = figures.background.clone();
+        background.sort_unstable();
+        assert_eq!(background, (1..classes).collect::<Vec<_>>(), "{classes} classes, {sign}: {figures:?}");
+        assert!(figures.silhouette_difference.unwrap() < 0.03, "{figures:?}");
+    }
+}
+
+#[test]
 fn a_hot_voxel_leaves_the_table_to_the_rest() {
     let inside = |at| ball(at, 12.0, 6.0);
     let value = |at: [usize; 3]| match at {
