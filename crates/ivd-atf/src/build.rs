@@ -30,7 +30,7 @@ const MOST_PAIRS: usize = 64;
 /// but competes for the value axis in row 0, as a clear class. Where it has 1 % of the voxels or more, every other label is a material, but for gas.
 ///
 /// **Roles.** In Hounsfield units classes with a mean of at most −500 are background. Else it is the class with the largest share of the
-/// outermost layer, with those that noise splits it into, if 9/10 of it is joined to that layer, and every class beyond it. A class that noise split off
+/// sides, each axis alike, with those that noise splits it into, if 9/10 of it is joined to them, and every class beyond it. A class that noise split off
 /// the background belongs to it; a thin steep class between two others is a transition.
 ///
 /// **Opacity** over `reference_mm`, by visibility: that of each material goes by what it would cover alone and by how much of it lies in front. By border

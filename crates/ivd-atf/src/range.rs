@@ -66,7 +66,7 @@ mod tests {
     }
 
     fn class(mean: f64, voxels: u64) -> ClassStatistics {
-        ClassStatistics { id: 1, voxels, mean, sd: 1.0, border_strength: 0.0, on_sides: 0 }
+        ClassStatistics { id: 1, voxels, mean, sd: 1.0, border_strength: 0.0, on_sides: [0; 3] }
     }
 
     #[test]

@@ -119,24 +119,38 @@ fn keep_one(background: &mut [bool], has_label: impl Fn(usize) -> bool) {
     }
 }
 
-/// The class with the largest share of the outermost layer, with those that noise splits it into, if it is joined to that layer, and every class on its far
-/// side from the bulk of the rest.
+/// So many classes, those with the largest shares of the sides, may be what lies outside.
+const MOST_OUTSIDE: usize = 16;
+
+/// The class with the largest share of the volume's sides, with those that noise splits it into, if it is joined to them, and every class on its far side
+/// from the bulk of the rest. Each axis counts as much as another: of a thin stack of slices, which cut through the body, most sides lie across one.
 fn by_border(
     classes: &[ClassStatistics],
     structure: &Structure,
     is_joined: impl Fn(&[bool]) -> bool,
 ) -> Vec<bool> {
     let nothing = vec![false; classes.len()];
-    let most = classes.iter().map(|class| class.on_sides).max().unwrap_or(0);
-    let Some(first) = classes.iter().position(|class| class.on_sides == most) else { return nothing };
+    let shares = shares_of_sides(classes);
+    let mut firsts: Vec<usize> = (0..classes.len()).filter(|&class| shares[class] > 0.0).collect();
+    firsts.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
+    firsts.truncate(MOST_OUTSIDE);
+    let with_noise = |first: usize| {
+        let mut outside = nothing.clone();
+        outside[first] = true;
+        while let Some(class) = (0..classes.len()).find(|&c| !outside[c] && are_mixed(structure, &outside, c))
+        {
+            outside[class] = true;
+        }
+        let share: f64 = outside.iter().zip(&shares).filter(|(is, _)| **is).map(|(_, share)| share).sum();
+        (first, outside, share)
+    };
+    // Of several of one share the first.
+    let found = firsts.into_iter().map(with_noise).rev().max_by(|a, b| a.2.total_cmp(&b.2));
+    let Some((first, outside, _)) = found else { return nothing };
     let mut alone = nothing.clone();
     alone[first] = true;
-    let mut outside = alone.clone();
-    while let Some(class) = (0..classes.len()).find(|&c| !outside[c] && are_mixed(structure, &outside, c)) {
-        outside[class] = true;
-    }
     // Where all is one noise there is nothing outside.
-    if outside.iter().all(|is| *is) || most == 0 || !(is_joined(&outside) || is_joined(&alone)) {
+    if outside.iter().all(|is| *is) || !(is_joined(&outside) || is_joined(&alone)) {
         return nothing;
     }
     let mean_of = |is_outside: bool| {
@@ -148,6 +162,16 @@ fn by_border(
     let is_above = mean_of(false) > mean_of(true);
     let [lowest, highest] = [outside.iter().position(|is| *is), outside.iter().rposition(|is| *is)];
     (0..classes.len()).map(|i| if is_above { Some(i) <= highest } else { Some(i) >= lowest }).collect()
+}
+
+/// The share of each class of the volume's sides: of those across each axis, summed.
+fn shares_of_sides(classes: &[ClassStatistics]) -> Vec<f64> {
+    let all: [u64; 3] = std::array::from_fn(|a| classes.iter().map(|class| class.on_sides[a]).sum());
+    let share = |class: &ClassStatistics| {
+        let across = (0..3).filter(|&a| all[a] > 0);
+        across.map(|a| class.on_sides[a] as f64 / all[a] as f64).sum()
+    };
+    classes.iter().map(share).collect()
 }
 
 /// At least this of what it would be if they lay among each other by chance makes classes a mixture.
@@ -229,7 +253,7 @@ mod tests {
     use super::*;
 
     fn class(mean: f64, voxels: u64, on_sides: u64) -> ClassStatistics {
-        ClassStatistics { id: 1, voxels, mean, sd: 1.0, border_strength: 1.0, on_sides }
+        ClassStatistics { id: 1, voxels, mean, sd: 1.0, border_strength: 1.0, on_sides: [on_sides; 3] }
     }
 
     #[test]
@@ -257,6 +281,11 @@ mod tests {
         let inverted = [class(10.0, 300, 5), class(90.0, 900, 500), class(99.0, 5, 0)];
         assert_eq!(by_border(&inverted, &apart(3), |_| true), [false, true, true]);
         assert_eq!(by_border(&tooth[1..2], &apart(1), |_| true), [false], "one class alone is seen");
+        // Few slices through a body: most of the sides are its own, across one axis.
+        let mut slices = [class(8.0, 1000, 0), class(90.0, 900, 0), class(140.0, 100, 0)];
+        (slices[0].on_sides, slices[1].on_sides, slices[2].on_sides) =
+            ([50, 50, 400], [0, 0, 600], [0, 0, 100]);
+        assert_eq!(by_border(&slices, &apart(3), |_| true), [true, false, false]);
         let mut all = vec![true, true];
         keep_one(&mut all, |_| true);
         assert_eq!(all, [false, false]);

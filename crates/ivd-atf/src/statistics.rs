@@ -19,8 +19,8 @@ pub(crate) struct ClassStatistics {
     pub(crate) sd: f64,
     /// Mean gradient magnitude over the border voxels (real units per mm); 0 for a class without border.
     pub(crate) border_strength: f64,
-    /// Voxels in the outermost layer of the volume, across axes of more than two voxels.
-    pub(crate) on_sides: u64,
+    /// Voxels in the first and the last layer across each axis, of those of more than two voxels.
+    pub(crate) on_sides: [u64; 3],
 }
 
 #[derive(Clone, Default)]
@@ -30,7 +30,7 @@ struct Sums {
     second: f64,
     gradient: f64,
     border: u64,
-    on_sides: u64,
+    on_sides: [u64; 3],
 }
 
 /// Statistics of every label that occurs on a voxel with data, label 0 included, in the order of labels.
@@ -68,7 +68,7 @@ pub(crate) fn measure(volume: &Volume, labels: &Labels, exec: &Exec) -> Result<V
             total.second += sums[i].second;
             total.gradient += sums[i].gradient;
             total.border += sums[i].border;
-            total.on_sides += sums[i].on_sides;
+            total.on_sides.iter_mut().zip(sums[i].on_sides).for_each(|(total, n)| *total += n);
         }
         finish(volume, id, &total, middle)
     });
@@ -132,7 +132,7 @@ impl<'a, T: Scalar> Scan<'a, T> {
     fn layer(&self, z: usize, sums: &mut [Sums]) {
         let [nx, ny, nz] = self.slopes.dims;
         for y in 0..ny {
-            let sides = is_outermost(y, ny) || is_outermost(z, nz);
+            let outermost = [is_outermost(y, ny), is_outermost(z, nz)];
             let row = nx * (y + ny * z);
             for x in 0..nx {
                 let value = self.stored[row + x];
@@ -144,7 +144,9 @@ impl<'a, T: Scalar> Scan<'a, T> {
                 sum.voxels += 1;
                 sum.first += value;
                 sum.second += value * value;
-                sum.on_sides += u64::from(sides || is_outermost(x, nx));
+                sum.on_sides[0] += u64::from(is_outermost(x, nx));
+                sum.on_sides[1] += u64::from(outermost[0]);
+                sum.on_sides[2] += u64::from(outermost[1]);
                 if self.is_border([x, y, z]) {
                     sum.border += 1;
                     sum.gradient += self.slopes.gradient([x, y, z]).norm();

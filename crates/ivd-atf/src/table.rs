@@ -114,7 +114,7 @@ mod tests {
                 mean,
                 sd,
                 border_strength: 1.0,
-                on_sides: 0,
+                on_sides: [0; 3],
             })
             .collect();
         let roles: Vec<Role> = classes.iter().map(|class| class.3).collect();
