@@ -44,7 +44,7 @@ pub use figures::{
 };
 pub use log::Log;
 pub use made::Made;
-pub use model::{Model, Patience};
+pub use model::{Model, Outline, Patience};
 pub use opening::{Begun, Line, Tell};
 pub use overlay::{Overlay, Scale};
 pub use preview::{Scan, VolumeAtRest};

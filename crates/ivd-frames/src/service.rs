@@ -11,11 +11,12 @@ use std::time::{Duration, Instant};
 use ivd_core::{Cancel, Classified as _, ErrorClass, Exec, Image};
 
 use crate::log::Lines;
+use crate::model::Outlines;
 use crate::opening::{Begun, Tell, Told};
 use crate::preview::{Preview, Scan};
 use crate::queue::{Client, Next, Queue};
 use crate::save::File;
-use crate::{Error, Figures, Model, Pane, Request, Saved, Sight};
+use crate::{Error, Figures, Model, Outline, Pane, Request, Saved, Sight};
 
 /// After so long without a request the picture is made whole.
 const SETTLED: Duration = Duration::from_millis(60);
@@ -79,6 +80,8 @@ pub struct Frame {
     pub pictures: [Arc<Picture>; 4],
     /// What is told beside them.
     pub figures: Figures,
+    /// Where each slice cuts the surface that moves.
+    pub outlines: [Outline; 3],
 }
 
 /// What the service gives.
@@ -261,6 +264,7 @@ struct Drawn {
     /// Whether there is nothing finer to be drawn.
     settled: bool,
     number: u64,
+    outlines: Outlines,
 }
 
 impl<P: FnMut(Output)> Worker<P> {
@@ -304,7 +308,8 @@ impl<P: FnMut(Output)> Worker<P> {
         };
         let [volume, axial, coronal, sagittal] = Pane::ALL;
         let pictures = [picture(volume, 2)?, picture(axial, 1)?, picture(coronal, 1)?, picture(sagittal, 1)?];
-        let mut drawn = Drawn { pictures, coarser: 2, settled: false, number: 0 };
+        let mut drawn =
+            Drawn { pictures, coarser: 2, settled: false, number: 0, outlines: Outlines::default() };
         self.publish_frame(&mut model, &mut drawn, Duration::ZERO);
         if !later.is_empty() {
             for (client, request) in later {
@@ -573,7 +578,8 @@ impl<P: FnMut(Output)> Worker<P> {
         drawn.number += 1;
         let figures = Figures { draw_s: took.as_secs_f64(), ..model.figures() };
         let (number, followed) = (drawn.number, self.queue.left());
-        let frame = Frame { number, followed, pictures: drawn.pictures.clone(), figures };
+        let outlines = drawn.outlines.update(model);
+        let frame = Frame { number, followed, pictures: drawn.pictures.clone(), figures, outlines };
         (self.publish)(Output::Frame(Arc::new(frame)));
     }
 }

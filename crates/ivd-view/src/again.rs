@@ -5,6 +5,7 @@ use ivd_frames::{Class, Entry, Figures, Request, Ruler, Shows, Sight, Source, Sp
 
 use crate::dialogs::Dialog;
 use crate::made::{AsBefore, told};
+use crate::received::Way;
 use crate::waits::does_something;
 use crate::window::Window;
 use crate::work::{Begins, Work};
@@ -12,10 +13,35 @@ use crate::work::{Begins, Work};
 /// A handle that has gone less far (mm) is where it was.
 const TOLD: f64 = 0.05;
 
+/// How it is called as a step.
+const REMADE: &str = "make the surface otherwise";
+
 impl Window {
+    /// What undoing and doing again would do now: the surface that was made last is a step, too, until something else is done.
+    pub(crate) fn steps_now(&self) -> [Option<String>; 2] {
+        let figures = self.shown.figures();
+        let [undo, redo] =
+            [figures.and_then(|told| told.undo.clone()), figures.and_then(|told| told.redo.clone())];
+        match self.remade.filter(|_| self.previous.is_some() && figures.is_some()) {
+            Some(Way::Forth) => [Some(REMADE.to_owned()), redo],
+            Some(Way::Back) => [undo, Some(REMADE.to_owned())],
+            None => [undo, redo],
+        }
+    }
+
+    /// Goes a step back or forth.
+    pub(crate) fn step(&mut self, way: Way) {
+        let previous = self.previous.clone().filter(|_| self.remade.is_some_and(|made| made != way));
+        match (previous, way) {
+            (Some(previous), _) => self.make_of(previous.source, way),
+            (None, Way::Back) => self.ask(Request::Undo),
+            (None, Way::Forth) => self.ask(Request::Redo),
+        }
+    }
+
     /// What was done is known: the same is opened once more, made otherwise, and it is done again.
     pub(crate) fn done_before(&mut self, done: Result<Vec<Entry>, String>, context: &Context) {
-        let (Some(Making { source, is_stale }), Some(work)) = (self.making.take(), &self.work) else {
+        let (Some(Making { source, way, is_stale }), Some(work)) = (self.making.take(), &self.work) else {
             return;
         };
         match done {
@@ -23,7 +49,7 @@ impl Window {
             // Something was done since.
             Ok(_) if is_stale => {
                 work.ask_for_log();
-                self.making = Some(Making::of(source));
+                self.making = Some(Making::of(source, way));
             }
             Ok(entries) => {
                 let figures = self.shown.figures();
@@ -35,7 +61,7 @@ impl Window {
                     // Handles are where they were before they went elsewhere.
                     seen.handles.clear();
                 }
-                let before = Before { again, was, entries, seen, previous };
+                let before = Before { again, way, was, entries, seen, previous };
                 self.begin_again(&source, before.entries.clone(), before.seen.clone(), context);
                 self.before = self.work.is_some().then_some(before);
             }
@@ -84,12 +110,19 @@ impl Window {
             rulers.chain(seen.requests).for_each(|request| self.ask(request));
             self.ask(Request::Restored);
         }
-        if let Some(away) = farthest(&seen.handles, &figures.handles) {
-            self.notes
-                .push(format!("made again: handles took vertices up to {away:.1} mm from where they were"));
+        let level = seen.level.filter(|was| *was != figures.level);
+        let level = level.map(|was| format!("its level is {}, {was} before", figures.level));
+        let away = farthest(&seen.handles, &figures.handles);
+        let away = away.map(|away| format!("handles took vertices up to {away:.1} mm from where they were"));
+        let differs: Vec<String> = [level, away].into_iter().flatten().collect();
+        if !differs.is_empty() {
+            let told = format!("Made again: {}", differs.join("; "));
+            self.notes.push(told.clone());
+            self.say(told);
         }
         let is_open = |before: &Before| self.work.as_ref().is_some_and(|work| work.source == before.again);
         let before = self.before.take().filter(is_open);
+        self.remade = before.as_ref().map(|before| before.way).or(self.remade);
         self.previous = before.as_ref().map(|before| Box::new(before.was.clone())).or(self.previous.take());
         if let Some(before) = before.filter(|_| !figures.missed.is_empty()) {
             self.dialog = Some(Dialog::Missed { missed: figures.missed.clone(), before });
@@ -103,6 +136,7 @@ pub(crate) struct Seen {
     sight: Option<Sight>,
     classes: Vec<Class>,
     handles: Vec<Spot>,
+    level: Option<u8>,
     /// What brings all else back.
     requests: Vec<Request>,
 }
@@ -124,6 +158,7 @@ impl Seen {
             sight: Some(figures.sight()),
             classes: figures.classes.clone(),
             handles: figures.handles.clone(),
+            level: Some(figures.level),
             requests: [cut, sight, overlay].into_iter().chain(rulers).collect(),
         }
     }
@@ -141,13 +176,15 @@ fn farthest(before: &[Spot], after: &[Spot]) -> Option<f64> {
 /// What is to be made as soon as it is known what was done.
 pub(crate) struct Making {
     source: Source,
+    way: Way,
     /// Whether something was done since that was asked.
     is_stale: bool,
 }
 
 impl Making {
-    pub(crate) fn of(source: Source) -> Self {
-        Self { source, is_stale: false }
+    /// - `way`: whether that goes back to what was open before, as a step does that is undone.
+    pub(crate) fn of(source: Source, way: Way) -> Self {
+        Self { source, way, is_stale: false }
     }
 
     /// Something is asked for meanwhile.
@@ -160,6 +197,7 @@ impl Making {
 pub(crate) struct Before {
     /// What is made.
     again: Source,
+    way: Way,
     /// What was open.
     was: AsBefore,
     /// What was done to it.

@@ -9,6 +9,7 @@ use crate::files::Keeps;
 use crate::keys::{self, Focus, OWN};
 use crate::layout::Layout;
 use crate::over::name;
+use crate::received::Way;
 use crate::system::Purpose;
 use crate::window::Window;
 
@@ -76,15 +77,14 @@ impl Window {
 
     /// Undo and redo by what they would do.
     fn steps(&mut self, ui: &mut Ui) {
-        let figures = self.shown.figures();
-        let (undo, redo) = (figures.and_then(|f| f.undo.clone()), figures.and_then(|f| f.redo.clone()));
-        for (word, step, request) in [("Undo", undo, Request::Undo), ("Redo", redo, Request::Redo)] {
+        let [undo, redo] = self.steps_now();
+        for (word, step, way) in [("Undo", undo, Way::Back), ("Redo", redo, Way::Forth)] {
             let button = ui.add_enabled(step.is_some(), Button::new(word));
             if button
                 .on_hover_text(step.as_ref().map_or_else(String::new, |step| format!("{word}: {step}")))
                 .clicked()
             {
-                self.ask(request);
+                self.step(way);
             }
         }
     }
@@ -139,18 +139,17 @@ impl Window {
     }
 
     fn edit_menu(&mut self, ui: &mut Ui) {
-        let figures = self.shown.figures();
-        let (undo, redo) = (figures.and_then(|f| f.undo.clone()), figures.and_then(|f| f.redo.clone()));
-        let is_shown = figures.is_some();
+        let [undo, redo] = self.steps_now();
+        let is_shown = self.shown.figures().is_some();
         let named = |word: &str, step: &Option<String>| match step {
             Some(step) => format!("{word}: {step}"),
             None => format!("{word}: nothing"),
         };
         if item(ui, undo.is_some(), &named("Undo", &undo), Some(&keys::UNDO)) {
-            self.ask(Request::Undo);
+            self.step(Way::Back);
         }
         if item(ui, redo.is_some(), &named("Redo", &redo), Some(&keys::REDO)) {
-            self.ask(Request::Redo);
+            self.step(Way::Forth);
         }
         if item(ui, is_shown, "Take all handles, pins, cuts and bones away", None) {
             self.ask(Request::Reset);
@@ -189,6 +188,11 @@ impl Window {
         }
         if item(ui, self.layout.alone.is_some(), "All four pictures", None) {
             self.layout.alone = None;
+        }
+        let outline =
+            if self.layout.outline { "Hide the surface's outline" } else { "Show the surface's outline" };
+        if item(ui, self.shown.slices().is_some(), outline, None) {
+            self.layout.outline = !self.layout.outline;
         }
         let side = if self.layout.side { "Hide the side panel" } else { "Show the side panel" };
         if item(ui, true, side, None) {

@@ -12,7 +12,7 @@ use crate::window::Window;
 /// By how much a field changes when the pointer is dragged over it by a point (mm).
 const SPEED: f64 = 0.25;
 /// How planes and boxes differ from looking inside.
-const TAKEN: &str = "Planes and boxes also cut slices and saved files:";
+const TAKEN: &str = "Planes and boxes cut slices, exports if asked to:";
 /// Where planes and boxes lie.
 const STAY: &str =
     "Whether planes and boxes stay where they are as the body moves under them, or move with it";

@@ -35,7 +35,7 @@ const STRAIGHT: f64 = 0.97;
 /// What goes within 45° of the way into the surface or out of it goes in or out.
 const SIDE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Into the surface.
-const INTO: &str = "How far the handle takes its vertex into the surface, square to it as it lies at rest; \"out 6\", or -6, pulls it out; the whole way of what is straight but for 14°. What it goes aside stays";
+const INTO: &str = "How far the handle goes straight into the surface, along the arrow; \"out 6\", or -6, pulls it out. What it goes sideways stays as it is. A way that leans by less than 14° is taken as straight";
 /// By how much a field changes when the pointer is dragged over it by a point (mm, mN).
 const SPEED: f64 = 0.1;
 

@@ -8,6 +8,7 @@ use crate::bar::quit;
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
 use crate::number::is_as_it_was;
+use crate::received::Way;
 use crate::system::Purpose;
 use crate::window::Window;
 
@@ -103,9 +104,9 @@ impl Window {
         }
         // The longer one first: the shorter is part of it.
         if shortcut(&REDO) || shortcut(&REDO_TOO) {
-            self.ask(Request::Redo);
+            self.step(Way::Forth);
         } else if shortcut(&UNDO) {
-            self.ask(Request::Undo);
+            self.step(Way::Back);
         }
         if context.text_edit_focused() {
             return;

@@ -19,6 +19,8 @@ pub(crate) struct Layout {
     pub(crate) size: [f32; 2],
     /// Whether the side panel is shown.
     pub(crate) side: bool,
+    /// Whether the surface is drawn over slices.
+    pub(crate) outline: bool,
     /// The pane that is shown alone.
     pub(crate) alone: Option<Pane>,
     /// Folder that was read from last, ...
@@ -29,7 +31,7 @@ pub(crate) struct Layout {
 
 impl Default for Layout {
     fn default() -> Self {
-        Self { size: [1200.0, 800.0], side: true, alone: None, folder: None, kept: None }
+        Self { size: [1200.0, 800.0], side: true, outline: true, alone: None, folder: None, kept: None }
     }
 }
 
@@ -68,7 +70,7 @@ mod tests {
     fn what_can_not_be_read_means_the_defaults() {
         let folder = tempfile::tempdir().unwrap();
         let there = Some(folder.path());
-        let layout = Layout { side: false, alone: Some(Pane::Axial), ..Layout::default() };
+        let layout = Layout { side: false, outline: false, alone: Some(Pane::Axial), ..Layout::default() };
         layout.write(there);
         assert_eq!(Layout::read(there), layout);
         for bad in ["", "{\"size\":[1,1e9]}", "{\"side\":\"no\"}", "{\"other\":1}"] {

@@ -5,6 +5,7 @@ use ivd_frames::{Figures, Made, Source};
 use ivd_pipeline::scene::Override;
 
 use crate::again::Making;
+use crate::received::Way;
 use crate::window::Window;
 
 /// What a value of the surface does to what was found by itself.
@@ -109,7 +110,7 @@ impl Window {
                     let back = back.on_hover_text(AS_BEFORE).on_disabled_hover_text(why_not);
                     ui.weak(&previous.made);
                     if back.clicked() {
-                        self.make_of(previous.source);
+                        self.make_of(previous.source, Way::Forth);
                     }
                 });
             }
@@ -134,16 +135,16 @@ impl Window {
                     "what is made of it is said by the scene itself: say another value, or change the scene";
                 self.complain(problem.to_owned());
             }
-            Ok(source) => self.make_of(source),
+            Ok(source) => self.make_of(source, Way::Forth),
             Err(problem) => self.complain(problem),
         }
     }
 
     /// Opens it by a source of the same, as soon as it is known what was done to it.
-    fn make_of(&mut self, source: Source) {
+    pub(crate) fn make_of(&mut self, source: Source, way: Way) {
         let Some(work) = &self.work else { return };
         work.ask_for_log();
-        self.making = Some(Making::of(source));
+        self.making = Some(Making::of(source, way));
     }
 }
 

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
 use ivd_frames::{Bone, Figures, Hovered, Overlay, Pane, Ruler, SEEN_ASIDE, Shows, Spot, Tool};
 
-use crate::handles::told;
+use crate::handles::{length, told};
 use crate::rulers::{degrees, mm, shown_mm};
 use crate::shown::Shown;
 
@@ -16,6 +16,7 @@ const PIN: Color32 = Color32::from_rgb(108, 182, 255);
 const CUT: Color32 = Color32::from_rgb(245, 245, 245);
 const BONE: Color32 = Color32::from_rgb(235, 215, 160);
 const RULER: Color32 = Color32::from_rgb(190, 240, 110);
+const OUTLINE: Color32 = Color32::from_rgb(80, 220, 230);
 const REST: Color32 = Color32::from_rgb(240, 160, 220);
 const TEXT: Color32 = Color32::from_rgb(221, 221, 238);
 const FAINT: Color32 = Color32::from_rgb(154, 163, 178);
@@ -51,6 +52,10 @@ pub(crate) struct Over<'a> {
     pub(crate) pointed: bool,
     /// Whether the hand does something in this pane.
     pub(crate) is_at_work: bool,
+    /// The handle that was worked on last.
+    pub(crate) selected: Option<u32>,
+    /// Whether the surface is drawn over slices.
+    pub(crate) is_outlined: bool,
     /// The line that is drawn, to cut, to measure or to make a bone along.
     pub(crate) line: Option<[[f64; 2]; 2]>,
     /// Where rulers and handles are written about.
@@ -60,6 +65,7 @@ pub(crate) struct Over<'a> {
 impl Over<'_> {
     /// Draws all of it.
     pub(crate) fn draw(&self) {
+        self.outline();
         self.cross_hair();
         if let Some(figures) = self.shown.figures() {
             self.spots(figures);
@@ -72,6 +78,19 @@ impl Over<'_> {
         self.letters();
         self.bar();
         self.write(self.rect.left_top() + vec2(6.0, 4.0), Align2::LEFT_TOP, name(self.pane), LETTERS, FAINT);
+    }
+
+    /// The surface that moves, where the slice cuts it; of a picture that is divided the two halves would need one each.
+    fn outline(&self) {
+        let shows = self.shown.figures().map(|figures| figures.compare.shows);
+        let Some(outline) =
+            self.shown.outline(self.pane).filter(|_| self.is_outlined && shows != Some(Shows::Both))
+        else {
+            return;
+        };
+        let stroke = Stroke::new(1.0, OUTLINE.gamma_multiply(0.75));
+        let place = |at: [f32; 2]| self.place(at.map(f64::from));
+        self.painter.extend(outline.iter().map(|piece| Shape::line_segment(piece.map(place), stroke)));
     }
 
     /// Writes something, dark around it: pictures are light and dark.
@@ -153,7 +172,10 @@ impl Over<'_> {
             if held {
                 self.ring(at, one.radius as f32 * scale, colour.gamma_multiply(0.55), 1.0);
             }
-            if figures.held == Some(one.id) {
+            // Before anything is typed or dragged, too, it is seen which way it would go.
+            let is_unmoved = one.by.is_some_and(|by| length(by) == 0.0);
+            let is_next = self.selected == Some(one.id) && (is_unmoved || self.tool == Tool::Handle);
+            if figures.held == Some(one.id) || is_next && figures.held.is_none() {
                 self.inwards(at, one, scale);
             }
             // How far it has gone stands where the hand is, on the side that has room.

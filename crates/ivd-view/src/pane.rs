@@ -79,9 +79,24 @@ impl Window {
         }
         let line = self.hands.line(pane);
         let (shown, tool, pointed) = (&self.shown, self.tool, self.pointed);
-        let is_at_work = self.hands.pane() == Some(pane);
+        let selected = self.selected;
+        let (is_at_work, is_outlined) = (self.hands.pane() == Some(pane), self.layout.outline);
         let written = RefCell::default();
-        Over { painter: &painter, pane, rect, room, shown, tool, pointed, is_at_work, line, written }.draw();
+        Over {
+            painter: &painter,
+            pane,
+            rect,
+            room,
+            shown,
+            tool,
+            pointed,
+            is_at_work,
+            selected,
+            is_outlined,
+            line,
+            written,
+        }
+        .draw();
         if self.is_over_line(ui, &response, room) {
             ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
         } else if matches!(self.tool, Tool::Incise | Tool::Bone | Tool::Measure) && response.hovered() {

@@ -1,5 +1,6 @@
 //! What the service gave, and what is told of it.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use egui::{Color32, Context, Frame, Label, Margin, RichText, Ui};
@@ -218,6 +219,10 @@ impl Window {
                     _ => "",
                 };
                 self.say(format!("Written: {place}{without}"));
+                if is_scene {
+                    // It is opened from there again.
+                    self.layout.folder = Path::new(&place).parent().map(Path::to_owned);
+                }
                 if let Some(then) = self.waits.take().filter(|_| is_scene) {
                     self.then(then, context);
                 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
-use ivd_frames::{Figures, Frame, Hovered, Pane, Picture, Scan, Slice, VolumeAtRest};
+use ivd_frames::{Figures, Frame, Hovered, Outline, Pane, Picture, Scan, Slice, VolumeAtRest};
 
 /// The newest pictures and figures.
 #[derive(Default)]
@@ -76,6 +76,14 @@ impl Shown {
     pub(crate) fn figures(&self) -> Option<&Figures> {
         match &self.told {
             Told::Frame(frame) => Some(&frame.figures),
+            Told::Scan(_) | Told::Nothing => None,
+        }
+    }
+
+    /// Where a pane's slice cuts the surface that moves.
+    pub(crate) fn outline(&self, pane: Pane) -> Option<&Outline> {
+        match &self.told {
+            Told::Frame(frame) => pane.number().checked_sub(1).map(|slice| &frame.outlines[slice]),
             Told::Scan(_) | Told::Nothing => None,
         }
     }

@@ -58,6 +58,8 @@ pub struct Window {
     pub(crate) before: Option<Before>,
     /// How it was opened before it was made otherwise.
     pub(crate) previous: Option<Box<AsBefore>>,
+    /// Which way it was made otherwise last, until something else is done.
+    pub(crate) remade: Option<Way>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.
@@ -114,6 +116,7 @@ impl Window {
             making: None,
             before: None,
             previous: None,
+            remade: None,
             seen: Seen::default(),
             typed: Typed::default(),
             selected: None,
@@ -237,6 +240,7 @@ impl Window {
             let opens = matches!(request, Request::Cut { along: Some(_) });
             let number = work.ask(request);
             if is_more {
+                self.remade = None;
                 let cross = self.shown.figures().filter(|_| opens).map(|figures| figures.cross);
                 self.inside = cross.map(|cross| Inside { number, cross });
             }

@@ -2,12 +2,13 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use egui::Context;
 use ivd_core::Cancel;
 use ivd_frames::{
-    Begun, Client, Entry, Error, Model, Opened, Request, Saved, Service, Sight, Source, Subject, TOO_MUCH,
-    Tell,
+    Begun, Client, Entry, Error, Model, Opened, Patience, Request, Saved, Service, Sight, Source, Subject,
+    TOO_MUCH, Tell,
 };
 use ivd_pipeline::scene::{InputFiles, Override};
 
@@ -17,6 +18,8 @@ use crate::run::Options;
 
 /// Pixels of the volume's pane until the window says how large it is.
 const SIZE: [usize; 2] = [512; 2];
+/// What is asked for by a button or a field may take so long: it is told how long it has taken, and can be stopped.
+const PATIENCE: Duration = Duration::from_mins(2);
 /// The one who asks.
 const HERE: Client = 0;
 
@@ -105,7 +108,9 @@ impl Work {
                     None
                 }
             };
-            Ok(Begun { entries, line, model: Model::new(subject, SIZE, its)? })
+            let mut model = Model::new(subject, SIZE, its)?;
+            model.wait(Patience { work: PATIENCE, ..Patience::default() });
+            Ok(Begun { entries, line, model })
         };
         let service = Service::start_seen(sight, open, exec, move |output| to.take(output))?;
         let (service, is_shown) = (Some(service), false);

@@ -9,6 +9,7 @@ mod inside;
 mod looks;
 mod map;
 mod matter;
+mod outline;
 mod parts;
 mod patience;
 mod refusal;
@@ -39,6 +40,8 @@ use crate::request::MOST_HANDLES;
 use crate::{Compared, Error, Overlay, Pane, Request, Shows, Subject};
 
 pub(crate) use looks::first_transfer;
+pub use outline::Outline;
+pub(crate) use outline::Outlines;
 pub use patience::Patience;
 use refusal::is_move;
 pub(crate) use window::usual_radius;

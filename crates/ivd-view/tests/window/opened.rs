@@ -213,6 +213,17 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     assert_eq!(told.sight(), was.sight());
     here.settle();
     assert!(here.has("handles took vertices up to"));
+    // Once something is done to it, that is the last step.
+    here.press("Undo");
+    here.told("the larger ball", kept(127.5));
+    here.settle();
+    here.press("Redo");
+    here.told("the smaller one once more", kept(140.0));
+    here.settle();
+    here.press("Pin where the slices meet");
+    here.told("a second pin", |told| told.pins.len() == 2);
+    here.press("Undo");
+    here.told("a pin less", |told| told.pins.len() == 1 && told.redo.is_some());
     here.press("Undo");
     here.told("a step less", |told| told.pins.is_empty() && told.redo.is_some());
     // What no scene takes is told, and nothing is lost.
@@ -273,6 +284,14 @@ fn what_cannot_be_made_so_is_told_and_all_is_as_it_was() {
     here.harness.run_ok();
     type_into(&mut here, "Value of the surface", "120");
     here.told("another", |told| told.made.iso == Some(120.0) && told.handles.len() == 1);
+    here.settle();
+    // That is a step like any other, until something else is done.
+    let command = egui::Modifiers::COMMAND;
+    here.harness.key_press_modifiers(command, egui::Key::Z);
+    here.told("as it was", |told| told.made.iso == Some(127.5) && told.handles.len() == 1);
+    here.settle();
+    here.harness.key_press_modifiers(command | egui::Modifiers::SHIFT, egui::Key::Z);
+    here.told("the other once more", |told| told.made.iso == Some(120.0) && told.handles.len() == 1);
     here.settle();
     // Where nothing is cut there is nothing to hold.
     type_into(&mut here, "Value of the surface", "1e9");
