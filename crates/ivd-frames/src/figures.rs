@@ -60,6 +60,8 @@ pub struct Hovered {
     pub value: Option<f64>,
     /// Its class, where classes are known.
     pub class: Option<u16>,
+    /// By how many times its volume has grown, while colours tell of that.
+    pub times: Option<f64>,
     /// The handle that would be taken hold of.
     pub handle: Option<u32>,
     /// The vertex that a new handle would take, at rest; `None` where the lattice is too far.
@@ -81,6 +83,7 @@ impl Hovered {
             rest: place,
             value: value_at(volume, place),
             class: None,
+            times: None,
             handle: None,
             vertex: None,
             vertex_at: [None; 4],

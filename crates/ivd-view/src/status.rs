@@ -91,12 +91,18 @@ impl Window {
         let class = hovered.and_then(|hovered| hovered.class).filter(|class| *class > 0);
         let gone = hovered.map_or(0.0, |told| length(std::array::from_fn(|a| told.place[a] - told.rest[a])));
         let moved = if gone > GONE { format!(", moved {gone:.1} mm") } else { String::new() };
+        let times = hovered.and_then(|hovered| hovered.times);
+        let times = times.map_or_else(String::new, |times| format!(", {} % of its volume", percent(times)));
         let hovered = hovered.map(|hovered| (hovered.place, hovered.value));
         let of = if hovered.is_none() { "cross hair: " } else { "" };
         let (place, value) = hovered.or_else(|| self.shown.cross())?;
         let value = value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2}"));
         let class = class.map_or_else(String::new, |class| format!(", class {class}"));
-        Some(format!("{of}{value} at {} mm{class}", place.map(|c| format!("{c:.1}")).join(", ")) + &moved)
+        Some(
+            format!("{of}{value} at {} mm{class}", place.map(|c| format!("{c:.1}")).join(", "))
+                + &moved
+                + &times,
+        )
     }
 
     /// What is done while there are no frames.

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use ivd_core::NO_DATA;
+use ivd_core::{NO_DATA, VoxelCoord, VoxelIndex, World};
 use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
@@ -11,7 +11,7 @@ use super::{Drag, Model, no_more_than, nothing_there, sheet};
 use crate::figures::{Hovered, Refused, Spot, value_at};
 use crate::panes::Across;
 use crate::request::MOST_HANDLES;
-use crate::{Axis, Error, Pane, SEEN_ASIDE, ShownBy};
+use crate::{Axis, Error, Overlay, Pane, SEEN_ASIDE, ShownBy};
 
 /// A handle is taken hold of from so far away (shares of the pane).
 const NEAR: f64 = 0.025;
@@ -66,12 +66,22 @@ impl Model {
             rest,
             value: value_at(volume, place),
             class: self.class_at(rest),
+            times: self.times_at(place),
             handle: self.handle_at(pane, at),
             vertex: vertex.map(|pick| pick.at),
             vertex_at: shown_at,
             away_mm: vertex.map(|pick| pick.away()),
             at: self.panes.shares(grid, &self.lens, place),
         }))
+    }
+
+    /// By how many times the volume of what is now at a place (mm, RAS) has grown, while colours tell of that.
+    fn times_at(&self, place: [f64; 3]) -> Option<f64> {
+        let told = self.overlay.filter(|of| *of == Overlay::Volume)?;
+        let displacement = self.session.displacement();
+        let VoxelCoord(voxel) = displacement.grid().voxel(World(place.into()));
+        let VoxelIndex(voxel) = displacement.grid().nearest_voxel(voxel)?;
+        told.value(displacement, voxel)
     }
 
     /// The place that a pane shows, and that on its surface (mm, RAS): in the volume where what is seen begins.

@@ -524,4 +524,11 @@ fn the_slices_are_brought_where_most_is_squeezed() {
     let there: [f64; 3] = grid.world(VoxelIndex(least.1).into()).0.into();
     assert_eq!(told.cross, there);
     assert!(told.slices.iter().zip([2, 1, 0]).all(|(slice, axis)| slice.slice == least.1[axis]));
+    // Pointed at, it is told how much of it is left there, while colours tell of that.
+    let at = told.cross_at[Pane::Axial.number()].unwrap();
+    let hover = Request::Hover { pane: Pane::Axial, at };
+    let times = follow(&mut model, &hover).hovered.unwrap().times.unwrap();
+    assert!((times - least.0).abs() < 1e-4, "{times} {least:?}");
+    follow(&mut model, &Request::Overlay { of: None });
+    assert_eq!(follow(&mut model, &hover).hovered.unwrap().times, None);
 }
