@@ -89,6 +89,13 @@ impl<'a> Reduced<'a> {
         Ok(reduced)
     }
 
+    /// Voxels on the volume's sides across each axis; none across one of one or two voxels.
+    pub(crate) fn sides(&self) -> [u64; 3] {
+        let [nx, ny, nz] = self.full.map(|n| n as u64);
+        let across = |n: u64, layer: u64| if n > 2 { 2 * layer } else { 0 };
+        [across(nx, ny * nz), across(ny, nx * nz), across(nz, nx * ny)]
+    }
+
     /// First voxel of the volume's row that a row of samples lies in.
     fn row_start(&self, [y, z]: [usize; 2]) -> usize {
         let [y, z] = [(y, 1), (z, 2)].map(|(i, a)| evenly(i, self.dims[a], self.full[a]));

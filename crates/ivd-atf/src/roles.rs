@@ -94,7 +94,8 @@ pub(crate) fn roles(
     } else if is_chosen {
         vec![false; classes.len()]
     } else {
-        by_border(classes, structure, |outside| joined_share(reduced, |class| outside[class]) >= JOINED)
+        let is_joined = |outside: &[bool]| joined_share(reduced, |class| outside[class]) >= JOINED;
+        by_border(classes, structure, reduced.sides(), is_joined)
     };
     keep_one(&mut background, |class| classes[class].id != NO_DATA);
     if !is_chosen {
@@ -123,34 +124,33 @@ fn keep_one(background: &mut [bool], has_label: impl Fn(usize) -> bool) {
 const MOST_OUTSIDE: usize = 16;
 
 /// The class with the largest share of the volume's sides, with those that noise splits it into, if it is joined to them, and every class on its far side
-/// from the bulk of the rest. Each axis counts as much as another: of a thin stack of slices, which cut through the body, most sides lie across one.
+/// from the bulk of the rest; `sides`: voxels on those across each axis. Each axis counts as much as another: of a thin stack of slices, which cut through the body, most sides lie across one.
 fn by_border(
     classes: &[ClassStatistics],
     structure: &Structure,
+    sides: [u64; 3],
     is_joined: impl Fn(&[bool]) -> bool,
 ) -> Vec<bool> {
     let nothing = vec![false; classes.len()];
-    let shares = shares_of_sides(classes);
+    let shares = shares_of_sides(classes, sides);
     let mut firsts: Vec<usize> = (0..classes.len()).filter(|&class| shares[class] > 0.0).collect();
     firsts.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
     firsts.truncate(MOST_OUTSIDE);
     let with_noise = |first: usize| {
-        let mut outside = nothing.clone();
-        outside[first] = true;
-        while let Some(class) = (0..classes.len()).find(|&c| !outside[c] && are_mixed(structure, &outside, c))
-        {
-            outside[class] = true;
-        }
+        let outside = mixture(structure, first);
         let share: f64 = outside.iter().zip(&shares).filter(|(is, _)| **is).map(|(_, share)| share).sum();
         (first, outside, share)
     };
     // Of several of one share the first.
     let found = firsts.into_iter().map(with_noise).rev().max_by(|a, b| a.2.total_cmp(&b.2));
-    let Some((first, outside, _)) = found else { return nothing };
+    let Some((first, mut outside, _)) = found else { return nothing };
     let mut alone = nothing.clone();
     alone[first] = true;
-    // Where all is one noise there is nothing outside.
-    if outside.iter().all(|is| *is) || !(is_joined(&outside) || is_joined(&alone)) {
+    // Where all would be one noise, what is seen in it is told apart by its value alone.
+    if outside.iter().all(|is| *is) {
+        outside.clone_from(&alone);
+    }
+    if classes.len() < 2 || !(is_joined(&outside) || is_joined(&alone)) {
         return nothing;
     }
     let mean_of = |is_outside: bool| {
@@ -160,34 +160,55 @@ fn by_border(
         chosen().map(|class| class.mean * (class.voxels as f64 / voxels)).sum::<f64>()
     };
     let is_above = mean_of(false) > mean_of(true);
-    let [lowest, highest] = [outside.iter().position(|is| *is), outside.iter().rposition(|is| *is)];
-    (0..classes.len()).map(|i| if is_above { Some(i) <= highest } else { Some(i) >= lowest }).collect()
+    let is_beyond = |class: usize| if is_above { class < first } else { class > first };
+    (0..classes.len()).map(|class| outside[class] || is_beyond(class)).collect()
 }
 
 /// The share of each class of the volume's sides: of those across each axis, summed.
-fn shares_of_sides(classes: &[ClassStatistics]) -> Vec<f64> {
-    let all: [u64; 3] = std::array::from_fn(|a| classes.iter().map(|class| class.on_sides[a]).sum());
-    let share = |class: &ClassStatistics| {
-        let across = (0..3).filter(|&a| all[a] > 0);
-        across.map(|a| class.on_sides[a] as f64 / all[a] as f64).sum()
-    };
+///
+/// - `sides`: voxels on those across each axis.
+fn shares_of_sides(classes: &[ClassStatistics], sides: [u64; 3]) -> Vec<f64> {
+    let across = || (0..3).filter(|&a| sides[a] > 0);
+    let share = |class: &ClassStatistics| across().map(|a| class.on_sides[a] as f64 / sides[a] as f64).sum();
     classes.iter().map(share).collect()
 }
 
 /// At least this of what it would be if they lay among each other by chance makes classes a mixture.
 const MIXED: f64 = 0.25;
 
-/// Whether a class lies among the voxels of others as by chance, at steps that noise makes: then noise has split them. If voxels were of either at
-/// random, the faces between the two, squared, would be four times the product of those within each.
-fn are_mixed(structure: &Structure, others: &[bool], class: usize) -> bool {
-    let all = || (0..others.len()).filter(|&b| others[b]);
-    let between: u64 = all().map(|b| structure.faces(class, b)).sum();
-    let among: u64 =
-        all().map(|a| all().filter(|&b| b >= a).map(|b| structure.faces(a, b)).sum::<u64>()).sum();
-    let within = 4.0 * structure.faces(class, class) as f64 * among as f64;
-    between > 0
-        && (between as f64).powi(2) >= MIXED * within
-        && structure.step(class, |b| others[b]) <= NOISE_STEP * structure.noise
+/// A class with those that lie among its voxels, and theirs, as by chance, at steps that noise makes: noise has split them. If voxels were of a class or of
+/// the others at random, the faces between them, squared, would be four times the product of those within each. The step is that to the one of the others
+/// which is nearest in value, or to all of them if that is less.
+fn mixture(structure: &Structure, first: usize) -> Vec<bool> {
+    let count = structure.classes;
+    let mut chosen = vec![false; count];
+    // Faces of each class on those that are chosen, and faces among these.
+    let (mut between, mut among) = (vec![0_u64; count], 0_u64);
+    let mut next = Some(first);
+    while let Some(added) = next {
+        chosen[added] = true;
+        among += between[added] + structure.faces(added, added);
+        (0..count)
+            .filter(|&class| class != added)
+            .for_each(|class| between[class] += structure.faces(class, added));
+        next = (0..count).find(|&class| {
+            let own = structure.faces(class, class);
+            let by_chance = 4.0 * own as f64 * among as f64;
+            !chosen[class]
+                && between[class] > 0
+                && (between[class] as f64).powi(2) >= MIXED * by_chance
+                && least_step(structure, &chosen, class) <= NOISE_STEP * structure.noise
+        });
+    }
+    chosen
+}
+
+/// The mean step from a class to those that are chosen, or to the one of them that is nearest in the order of means, whichever is less.
+fn least_step(structure: &Structure, chosen: &[bool], class: usize) -> f64 {
+    let below = (0..class).rev().find(|&b| chosen[b]);
+    let above = (class + 1..chosen.len()).find(|&b| chosen[b]);
+    let nearest = [below, above].into_iter().flatten().map(|b| structure.step(class, |other| other == b));
+    nearest.fold(structure.step(class, |b| chosen[b]), f64::min)
 }
 
 /// A class whose mean step to the background is at most so many deviations of the noise may be a split of the background …
@@ -276,16 +297,56 @@ mod tests {
         // Each of the classes apart from all others.
         let apart =
             |n: usize| Structure::of_faces(n, (0..n * n).map(|i| u64::from(i % (n + 1) == 0)).collect());
-        assert_eq!(by_border(&tooth, &apart(4), |_| true), [true, true, false, false]);
-        assert_eq!(by_border(&tooth, &apart(4), |_| false), [false; 4], "it isn't joined to the outside");
+        let sides = [600; 3];
+        assert_eq!(by_border(&tooth, &apart(4), sides, |_| true), [true, true, false, false]);
+        assert_eq!(
+            by_border(&tooth, &apart(4), sides, |_| false),
+            [false; 4],
+            "it isn't joined to the outside"
+        );
         let inverted = [class(10.0, 300, 5), class(90.0, 900, 500), class(99.0, 5, 0)];
-        assert_eq!(by_border(&inverted, &apart(3), |_| true), [false, true, true]);
-        assert_eq!(by_border(&tooth[1..2], &apart(1), |_| true), [false], "one class alone is seen");
+        assert_eq!(by_border(&inverted, &apart(3), sides, |_| true), [false, true, true]);
+        assert_eq!(by_border(&tooth[1..2], &apart(1), sides, |_| true), [false], "one class alone is seen");
         // Few slices through a body: most of the sides are its own, across one axis.
         let mut slices = [class(8.0, 1000, 0), class(90.0, 900, 0), class(140.0, 100, 0)];
         (slices[0].on_sides, slices[1].on_sides, slices[2].on_sides) =
             ([50, 50, 400], [0, 0, 600], [0, 0, 100]);
-        assert_eq!(by_border(&slices, &apart(3), |_| true), [true, false, false]);
+        assert_eq!(by_border(&slices, &apart(3), [50, 50, 1100], |_| true), [true, false, false]);
+    }
+
+    #[test]
+    fn classes_that_noise_has_split_are_told_by_their_faces_and_steps() {
+        // Shares 1/2, 1/4 and 1/4 of 10,000 faces; the third apart from the first two, or among them.
+        let faces = |among: bool| {
+            let third = if among { [2500, 1250] } else { [3, 3] };
+            vec![2500, 2500, third[0], 2500, 625, third[1], third[0], third[1], 625]
+        };
+        let with = |faces, noise| {
+            let mut structure = Structure::of_faces(3, faces);
+            structure.noise = noise;
+            structure
+        };
+        assert_eq!(mixture(&with(faces(true), 1.0), 0), [true; 3]);
+        assert_eq!(mixture(&with(faces(false), 1.0), 1), [true, true, false]);
+        // Steps of 4 noises to all; of 1 to the one that is nearest in value.
+        let mut far = with(faces(true), 1.0);
+        let mut step = |a: usize, b: usize, mean: u64| {
+            far.steps[a * 3 + b] = mean * far.faces(a, b);
+            far.steps[b * 3 + a] = mean * far.faces(a, b);
+        };
+        step(0, 1, 1);
+        step(0, 2, 9);
+        step(1, 2, 4);
+        assert_eq!(mixture(&far, 0), [true, true, false]);
+        let mut near = far;
+        near.steps[3 + 2] = near.faces(1, 2);
+        near.steps[6 + 1] = near.faces(1, 2);
+        assert_eq!(mixture(&near, 0), [true; 3]);
+        // Specks lie among what is round them; what touches nothing doesn't.
+        assert_eq!(mixture(&with(vec![2500, 9, 0, 9, 0, 0, 0, 0, 50], 1.0), 0), [true, true, false]);
+        // Where all is one mixture the class with most of the sides is the outside.
+        let classes = [class(0.0, 100, 80), class(1.0, 50, 20), class(2.0, 50, 10)];
+        assert_eq!(by_border(&classes, &with(faces(true), 1.0), [100; 3], |_| true), [true, false, false]);
         let mut all = vec![true, true];
         keep_one(&mut all, |_| true);
         assert_eq!(all, [false, false]);

@@ -24,11 +24,11 @@ const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 /// Measures of neighbouring voxels by class; classes are numbered in the order of their means.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Structure {
-    classes: usize,
+    pub(crate) classes: usize,
     /// Faces between a voxel of class `a` and one of class `b`, at `a * classes + b`, and at `b * classes + a` again; each face once.
     faces: Vec<u64>,
     /// Steps across them, summed, in levels.
-    steps: Vec<u64>,
+    pub(crate) steps: Vec<u64>,
     /// Median magnitude of the slope in each class [levels / voxel], where a voxel's length is the cube root of its volume.
     pub(crate) slope: Vec<f64>,
     /// Standard deviation of the noise [levels].

@@ -362,9 +362,10 @@ fn noise_that_is_split_into_classes_is_all_background_whatever_share_of_them_the
         let [x, y, z] = grid.index(i).0;
         (15..18).contains(&x) && (14..17).contains(&y) && (4..28).contains(&z)
     };
-    for (classes, sign) in [(2, 1.0), (3, 1.0), (4, 1.0), (6, 1.0), (8, 1.0), (4, -1.0), (8, -1.0)] {
+    for (classes, sign) in [(2, 1.0), (3, 1.0), (4, 1.0), (6, 1.0), (8, 1.0), (32, 1.0), (4, -1.0), (8, -1.0)]
+    {
         // Classes of the noise are 1 deviation wide at most, and evenly round 0.
-        let width = 1.0_f32.min(4.0 / (classes - 1) as f32);
+        let width = 1.0_f32.min(6.0 / (classes - 1) as f32);
         let class = |i: usize| {
             let at = (noise[i] / width + (classes - 1) as f32 / 2.0).clamp(0.0, (classes - 2) as f32);
             if in_bar(i) { classes } else { at as u16 + 1 }

@@ -80,7 +80,7 @@ pub struct Frame {
     pub pictures: [Arc<Picture>; 4],
     /// What is told beside them.
     pub figures: Figures,
-    /// Where each slice cuts the surface that moves.
+    /// Where each slice cuts the surface that moves, where that is [asked for](Model::outline).
     pub outlines: [Outline; 3],
 }
 

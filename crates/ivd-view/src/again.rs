@@ -31,6 +31,10 @@ impl Window {
 
     /// Goes a step back or forth.
     pub(crate) fn step(&mut self, way: Way) {
+        if self.making.is_some() || self.before.is_some() {
+            // It is on its way; what was done before isn't meant.
+            return;
+        }
         let previous = self.previous.clone().filter(|_| self.remade.is_some_and(|made| made != way));
         match (previous, way) {
             (Some(previous), _) => self.make_of(previous.source, way),
@@ -56,12 +60,13 @@ impl Window {
                 let mut seen = figures.map(Seen::of).unwrap_or_default();
                 let made = figures.map_or_else(String::new, |figures| told(&figures.made));
                 let (again, previous) = (source.clone(), self.previous.clone());
-                let was = AsBefore { source: work.source.clone(), made };
-                if previous.as_ref().is_some_and(|previous| previous.source == source) {
-                    // Handles are where they were before they went elsewhere.
-                    seen.handles.clear();
+                let handles = seen.handles.iter().map(|handle| handle.id).collect();
+                let was = AsBefore { source: work.source.clone(), made, handles };
+                if let Some(previous) = previous.as_ref().filter(|previous| previous.source == source) {
+                    // Those that there were before go back to where they were.
+                    seen.handles.retain(|handle| !previous.handles.contains(&handle.id));
                 }
-                let before = Before { again, way, was, entries, seen, previous };
+                let before = Before { again, way, was, entries, seen, previous, remade: self.remade };
                 self.begin_again(&source, before.entries.clone(), before.seen.clone(), context);
                 self.before = self.work.is_some().then_some(before);
             }
@@ -79,7 +84,7 @@ impl Window {
     /// Opens what was open before the same was made otherwise.
     pub(crate) fn as_it_was(&mut self, before: Before, context: &Context) {
         self.begin_again(&before.was.source, before.entries, before.seen, context);
-        self.previous = before.previous;
+        (self.previous, self.remade) = (before.previous, before.remade);
     }
 
     /// Opens what was open before something that was to be made otherwise and has ended; whether there was something.
@@ -87,9 +92,9 @@ impl Window {
         let Some(work) = ended else { return false };
         let before = self.before.take().filter(|before| before.again == work.source);
         let left = work.close();
-        let Some(Before { was, entries, seen, previous, .. }) = before else { return false };
+        let Some(Before { was, entries, seen, previous, remade, .. }) = before else { return false };
         self.begin(&was.source, Begins::Again(entries, left, seen.sight), context);
-        (self.seen, self.previous) = (seen, previous);
+        (self.seen, self.previous, self.remade) = (seen, previous, remade);
         true
     }
 
@@ -122,7 +127,10 @@ impl Window {
         }
         let is_open = |before: &Before| self.work.as_ref().is_some_and(|work| work.source == before.again);
         let before = self.before.take().filter(is_open);
-        self.remade = before.as_ref().map(|before| before.way).or(self.remade);
+        if let Some(before) = &before {
+            // What couldn't be done again isn't brought back by going back.
+            self.remade = Some(before.way).filter(|_| figures.missed.is_empty());
+        }
         self.previous = before.as_ref().map(|before| Box::new(before.was.clone())).or(self.previous.take());
         if let Some(before) = before.filter(|_| !figures.missed.is_empty()) {
             self.dialog = Some(Dialog::Missed { missed: figures.missed.clone(), before });
@@ -204,6 +212,7 @@ pub(crate) struct Before {
     entries: Vec<Entry>,
     /// How it was seen.
     seen: Seen,
-    /// What was open before that.
+    /// What was open before that, and whether going back to it was a step.
     previous: Option<Box<AsBefore>>,
+    remade: Option<Way>,
 }

@@ -17,7 +17,7 @@ const VALUE: &str = "The surface lies where the scan's values pass this one, giv
 /// What pieces are.
 const PIECES: &str = "A surface that is found by values often has specks of noise beside the body: those that enclose less are left out of it";
 /// What is made as before.
-const AS_BEFORE: &str = "The surface that there was before this one, with all that was done since: undoing takes back steps, not a surface";
+const AS_BEFORE: &str = "The surface that there was before this one, with all that was done since";
 
 /// What is wanted otherwise, as it is typed and chosen.
 #[derive(Debug, Clone, PartialEq)]
@@ -154,6 +154,8 @@ pub(crate) struct AsBefore {
     pub(crate) source: Source,
     /// What it was made of, in words.
     pub(crate) made: String,
+    /// The handles that there were.
+    pub(crate) handles: Vec<u32>,
 }
 
 /// What it is made of, in words.

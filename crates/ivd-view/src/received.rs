@@ -221,7 +221,8 @@ impl Window {
                 self.say(format!("Written: {place}{without}"));
                 if is_scene {
                     // It is opened from there again.
-                    self.layout.folder = Path::new(&place).parent().map(Path::to_owned);
+                    let folder = Path::new(&place).parent().filter(|folder| folder.is_dir());
+                    self.layout.folder = folder.map(Path::to_owned).or(self.layout.folder.take());
                 }
                 if let Some(then) = self.waits.take().filter(|_| is_scene) {
                     self.then(then, context);

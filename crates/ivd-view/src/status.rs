@@ -1,7 +1,7 @@
 //! The line at the bottom: what lies under the pointer, what the last motion came to, what it took; and how opening goes on.
 
 use egui::{Align, Color32, Layout, ProgressBar, Rect, Ui, UiBuilder, vec2};
-use ivd_frames::{Figures, NOTICE, Request};
+use ivd_frames::{Figures, NOTICE, Overlay, Request};
 
 use crate::handles::length;
 use crate::window::Window;
@@ -91,7 +91,8 @@ impl Window {
         let class = hovered.and_then(|hovered| hovered.class).filter(|class| *class > 0);
         let gone = hovered.map_or(0.0, |told| length(std::array::from_fn(|a| told.place[a] - told.rest[a])));
         let moved = if gone > GONE { format!(", moved {gone:.1} mm") } else { String::new() };
-        let times = hovered.and_then(|hovered| hovered.times);
+        let is_told = self.shown.figures().is_some_and(|figures| figures.overlay == Some(Overlay::Volume));
+        let times = hovered.and_then(|hovered| hovered.times).filter(|_| is_told);
         let times = times.map_or_else(String::new, |times| format!(", {} % of its volume", percent(times)));
         let hovered = hovered.map(|hovered| (hovered.place, hovered.value));
         let of = if hovered.is_none() { "cross hair: " } else { "" };

@@ -23,6 +23,11 @@ pub(crate) fn does_something(request: &Request) -> bool {
     !matches!(request, Request::Hover { .. } | Request::Resize { .. })
 }
 
+/// Whether a request is to become a step that can be undone, or goes through those.
+pub(crate) fn makes_step(request: &Request) -> bool {
+    ![DRAWING, SAVING].contains(&doing(request)) || matches!(request, Request::Class { .. } | Request::Adjust)
+}
+
 impl Waits {
     pub(crate) fn begin() -> Self {
         Self { does: DRAWING, since: Instant::now(), number: 0 }

@@ -18,7 +18,7 @@ use crate::record::Recording;
 use crate::run::Options;
 use crate::shown::Shown;
 use crate::system::{Asked, Purpose};
-use crate::waits::{Waits, does_something};
+use crate::waits::{Waits, does_something, makes_step};
 use crate::work::Work;
 use crate::writing;
 
@@ -236,11 +236,13 @@ impl Window {
             }
             let waits = self.asked.get_or_insert_with(Waits::begin);
             let changes = waits.ask(&request);
-            let is_more = does_something(&request);
+            let (is_more, is_step) = (does_something(&request), makes_step(&request));
             let opens = matches!(request, Request::Cut { along: Some(_) });
             let number = work.ask(request);
-            if is_more {
+            if is_step {
                 self.remade = None;
+            }
+            if is_more {
                 let cross = self.shown.figures().filter(|_| opens).map(|figures| figures.cross);
                 self.inside = cross.map(|cross| Inside { number, cross });
             }

@@ -110,6 +110,7 @@ impl Work {
             };
             let mut model = Model::new(subject, SIZE, its)?;
             model.wait(Patience { work: PATIENCE, ..Patience::default() });
+            model.outline();
             Ok(Begun { entries, line, model })
         };
         let service = Service::start_seen(sight, open, exec, move |output| to.take(output))?;

@@ -126,7 +126,7 @@ impl Model {
             let Some(at) = self.or_refused(at) else { return Ok(()) };
             let handle = Handle { at, action: Action::Move([0.0; 3]), radius: self.radius };
             self.session.begin("drag a new handle")?;
-            self.apply(Event::Add { id: None, handle })?;
+            self.apply_within(Event::Add { id: None, handle }, self.patience.held)?;
             let Some(added) = self.session.settings().handles.last().filter(|_| self.refused.is_none())
             else {
                 self.session.abandon(&self.exec)?;

@@ -93,6 +93,8 @@ pub struct Model {
     versions: [u64; 4],
     exec: Exec,
     patience: Patience,
+    /// Whether frames have the line in which each slice cuts the surface.
+    outlines: bool,
     /// Stops what is worked on, and nothing else.
     stop: Cancel,
 }
@@ -177,6 +179,7 @@ impl Model {
             versions: [1; 4],
             exec,
             patience: Patience::default(),
+            outlines: false,
             stop: Cancel::default(),
             subject,
         };
@@ -185,11 +188,6 @@ impl Model {
         model.keep();
         model.find_spots()?;
         Ok(model)
-    }
-
-    /// Waits so long from now on.
-    pub fn wait(&mut self, patience: Patience) {
-        self.patience = patience;
     }
 
     /// What it shows.
@@ -439,7 +437,9 @@ impl Model {
 
     /// Applies an event. What can't be followed changes nothing, and the figures say why; only interruption is an error.
     fn apply(&mut self, event: Event) -> Result<(), Error> {
-        self.apply_within(event, self.patience.work).map(|_| ())
+        let is_held = self.drag.is_some() || self.adjusts;
+        let most = if is_held { self.patience.held } else { self.patience.work };
+        self.apply_within(event, most).map(|_| ())
     }
 
     /// The same where it may take so long; whether it was given up as it took longer.

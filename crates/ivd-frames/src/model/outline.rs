@@ -22,6 +22,9 @@ type Key = (u64, u8, bool);
 impl Outlines {
     /// The lines as they are now.
     pub(crate) fn update(&mut self, model: &Model) -> [Outline; 3] {
+        if !model.outlines {
+            return self.0.each_ref().map(|(_, outline)| outline.clone());
+        }
         let mut places = None;
         let at_rest = model.compared.shows == Shows::Rest;
         for (slice, (known, outline)) in self.0.iter_mut().enumerate() {
@@ -39,6 +42,13 @@ impl Outlines {
             *known = Some(key);
         }
         self.0.each_ref().map(|(_, outline)| outline.clone())
+    }
+}
+
+impl Model {
+    /// Frames have the line in which each slice cuts the surface from now on.
+    pub fn outline(&mut self) {
+        self.outlines = true;
     }
 }
 

@@ -55,6 +55,40 @@ fn a_drag_in_many_requests_ends_where_the_same_without_a_service_does() {
 }
 
 #[test]
+fn slices_have_the_line_of_the_surface_as_it_lies_now_where_that_is_asked_for() {
+    let (plain, outputs) = service();
+    assert!(frame(&outputs, |_| true).outlines.iter().all(|line| line.is_empty()), "nobody asked for it");
+    drop(plain);
+    let (sender, outputs) = channel();
+    let open = |_: &Tell| {
+        let mut model = model(BALL);
+        model.outline();
+        Ok(model)
+    };
+    let service = Service::start(open, Exec::default(), move |output| _ = sender.send(output)).unwrap();
+    // How far to the top of the axial pane the line reaches.
+    let top = |frame: &Frame| {
+        let ends = frame.outlines[0].iter().flatten();
+        ends.map(|end| f64::from(end[1])).fold(f64::INFINITY, f64::min)
+    };
+    let first = frame(&outputs, |_| true);
+    assert!(first.outlines.iter().all(|line| line.len() > 20));
+    // The ball's front is pressed in by 3 of 32 mm.
+    assert!(service.ask(1, Request::Add { place: [16.0, 28.0, 16.0], by: [0.0, -3.0, 0.0] }));
+    let pressed = frame(&outputs, |frame| !frame.figures.handles.is_empty());
+    assert!(top(&pressed) > top(&first) + 0.02, "{} {}", top(&pressed), top(&first));
+    for (request, is_gone) in [(Request::Undo, true), (Request::Redo, false)] {
+        assert!(service.ask(1, request));
+        let then = frame(&outputs, |frame| frame.figures.handles.is_empty() == is_gone);
+        assert_eq!(then.outlines[0], if is_gone { &first } else { &pressed }.outlines[0]);
+    }
+    let count = pressed.outlines[0].len();
+    assert!(service.ask(1, Request::Level { level: 3 }));
+    let coarser = frame(&outputs, |frame| frame.figures.level == 3);
+    assert!(coarser.outlines[0].len() < count, "{} {count}", coarser.outlines[0].len());
+}
+
+#[test]
 fn what_is_seen_first_is_so_from_the_first_picture_on() {
     let model_told = |tell: &Tell| {
         let exec = Exec::default();

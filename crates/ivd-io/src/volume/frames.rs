@@ -10,13 +10,13 @@ pub(crate) fn choose(path: &Path, field: &str, frames: usize, chosen: Option<usi
         Some(frame) => Err(Error::choice(
             path,
             format!("there is no frame {frame}: {field} says {frames}"),
-            format!("choose one of 0 to {} with --frame", frames - 1),
+            format!("choose one of 0 to {} with --frame, or input.frame of a scene", frames - 1),
         )),
         None if frames == 1 => Ok(0),
         None => Err(Error::choice(
             path,
             format!("{frames} frames ({field})"),
-            format!("choose one of 0 to {} with --frame", frames - 1),
+            format!("choose one of 0 to {} with --frame, or input.frame of a scene", frames - 1),
         )),
     }
 }

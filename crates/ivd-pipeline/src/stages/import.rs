@@ -70,7 +70,7 @@ impl Stage for Import {
     fn facts(&self) -> Facts {
         Facts {
             name: IMPORT,
-            revision: 4,
+            revision: 5,
             inputs: &[],
             output: Some(Kind::Volume),
             figures: schema_of::<ImportFigures>,

@@ -213,13 +213,16 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     assert_eq!(told.sight(), was.sight());
     here.settle();
     assert!(here.has("handles took vertices up to"));
-    // Once something is done to it, that is the last step.
+    // Looking at it is no step.
+    here.harness.key_press(Key::Num1);
+    here.told("seen from in front", |told| told.angles[0] == 0.0);
     here.press("Undo");
     here.told("the larger ball", kept(127.5));
     here.settle();
     here.press("Redo");
     here.told("the smaller one once more", kept(140.0));
     here.settle();
+    // Once something is done to it, that is the last step.
     here.press("Pin where the slices meet");
     here.told("a second pin", |told| told.pins.len() == 2);
     here.press("Undo");
