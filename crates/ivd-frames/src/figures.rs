@@ -285,6 +285,8 @@ pub struct Figures {
     pub cross: [f64; 3],
     /// The value there.
     pub cross_value: Option<f64>,
+    /// By how many times the volume there has grown, while colours tell of that.
+    pub cross_times: Option<f64>,
     /// Where the panes show it.
     pub cross_at: [Option<[f64; 2]>; 4],
     /// What lies under the pointer.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use egui::text::{CCursor, CCursorRange};
 use egui::{Context, Id, Key, Modal, ScrollArea, TextEdit, Ui, ViewportCommand};
 use ivd_frames::{KEYS, Missed, Request, Saved, Source};
 
@@ -360,6 +361,13 @@ fn typed(ui: &mut Ui, path: &mut String, name: &str, verb: &str, was_asked: bool
     let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
     if !field.has_focus() && !entered && !was_asked && ui.memory(|memory| memory.focused().is_none()) {
         field.request_focus();
+    }
+    if field.gained_focus() {
+        // What is typed takes the place of what is offered.
+        let mut state = TextEdit::load_state(ui.ctx(), field.id).unwrap_or_default();
+        let all = CCursorRange::two(CCursor::new(0), CCursor::new(path.chars().count()));
+        state.cursor.set_char_range(Some(all));
+        state.store(ui.ctx(), field.id);
     }
     let mut answer = Answer::None;
     ui.horizontal(|ui| {

@@ -10,7 +10,7 @@ use crate::window::Window;
 const MEANS: &str = "Largest motion: of any voxel. What every voxel keeps at least of its volume is a proven bound; above 0 nothing folds.";
 
 /// What is shown of what is squeezed.
-const WHERE: &str = "The button takes the slices to where most is squeezed, with colours that tell how much. A larger radius or a smaller move squeezes less.";
+const WHERE: &str = "The button takes the slices to the voxel that is squeezed most, with colours that tell how much; what it has left is told below, and is more than the bound, which holds between voxels too. A larger radius or a smaller move squeezes less.";
 /// What it means that voxels stay behind.
 const STAY_BEHIND: &str = "Where voxels would fold if they followed the surface all the way, they stay behind it, by this much at most. A larger radius or a smaller move leaves less behind.";
 /// What it means that something is cut off.
@@ -92,7 +92,8 @@ impl Window {
         let gone = hovered.map_or(0.0, |told| length(std::array::from_fn(|a| told.place[a] - told.rest[a])));
         let moved = if gone > GONE { format!(", moved {gone:.1} mm") } else { String::new() };
         let is_told = self.shown.figures().is_some_and(|figures| figures.overlay == Some(Overlay::Volume));
-        let times = hovered.and_then(|hovered| hovered.times).filter(|_| is_told);
+        let at_cross = || self.shown.figures().and_then(|figures| figures.cross_times);
+        let times = hovered.map_or_else(at_cross, |hovered| hovered.times).filter(|_| is_told);
         let times = times.map_or_else(String::new, |times| format!(", {} % of its volume", percent(times)));
         let hovered = hovered.map(|hovered| (hovered.place, hovered.value));
         let of = if hovered.is_none() { "cross hair: " } else { "" };
@@ -189,8 +190,9 @@ fn warned(figures: &Figures) -> [Option<String>; 3] {
         ("ring", _) => "",
         _ => " (by distance alone it is squeezed less)",
     };
-    let squeezed = (figures.min_det_j < SQUEEZED)
-        .then(|| format!("squeezed somewhere to {} % of its volume{less}", percent(figures.min_det_j)));
+    let squeezed = (figures.min_det_j < SQUEEZED).then(|| {
+        format!("squeezed somewhere, to no less than {} % of its volume{less}", percent(figures.min_det_j))
+    });
     let left = (figures.behind > BEHIND)
         .then(|| format!("voxels up to {:.1} mm behind the surface that is pulled", figures.left_mm));
     let cut_off = (figures.cut_off_mm > GONE)

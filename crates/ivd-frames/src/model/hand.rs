@@ -76,7 +76,7 @@ impl Model {
     }
 
     /// By how many times the volume of what is now at a place (mm, RAS) has grown, while colours tell of that.
-    fn times_at(&self, place: [f64; 3]) -> Option<f64> {
+    pub(super) fn times_at(&self, place: [f64; 3]) -> Option<f64> {
         let told = self.overlay.filter(|of| *of == Overlay::Volume)?;
         let displacement = self.session.displacement();
         let VoxelCoord(voxel) = displacement.grid().voxel(World(place.into()));

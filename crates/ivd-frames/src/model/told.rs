@@ -47,6 +47,7 @@ impl Figures {
             cut: panes.cut,
             cross,
             cross_value: value_at(model.told(), cross),
+            cross_times: model.times_at(cross),
             cross_at: panes.shares(grid, &model.lens, cross),
             hovered: model.hovered.clone(),
             slices: model.told_slices(),

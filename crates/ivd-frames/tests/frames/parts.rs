@@ -529,6 +529,7 @@ fn the_slices_are_brought_where_most_is_squeezed() {
     let hover = Request::Hover { pane: Pane::Axial, at };
     let times = follow(&mut model, &hover).hovered.unwrap().times.unwrap();
     assert!((times - least.0).abs() < 1e-4, "{times} {least:?}");
+    assert_eq!(told.cross_times, Some(times));
     follow(&mut model, &Request::Overlay { of: None });
     assert_eq!(follow(&mut model, &hover).hovered.unwrap().times, None);
 }

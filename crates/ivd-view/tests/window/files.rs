@@ -54,6 +54,19 @@ fn the_systems_dialog_opens_and_keeps() {
 }
 
 #[test]
+fn a_path_that_is_typed_takes_the_place_of_the_one_that_is_offered() {
+    let mut here = Here::ball();
+    let kept = here.folder.path().join("kept.toml");
+    press(&mut here, Key::S);
+    here.until("a path is asked for", |here| here.has("Save scene"));
+    here.harness.step();
+    here.harness.event(egui::Event::Text(kept.display().to_string()));
+    here.harness.step();
+    here.harness.key_press(Key::Enter);
+    here.until("it is written", |_| kept.exists());
+}
+
+#[test]
 fn without_a_dialog_a_path_is_typed_and_one_that_is_given_up_is_asked_no_more() {
     let answers = Answers::default();
     let (mut here, _) = window(&answers);
