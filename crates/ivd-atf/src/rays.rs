@@ -73,9 +73,7 @@ pub(crate) fn cast(
     let extents = (0..3).map(|a| reduced.dims[a] as f64 * reduced.spacing[a]);
     let apart = extents.fold(0.0, f64::max) / across as f64;
     let directions = AXES.into_iter().chain(DIAGONALS).zip((0..views).step_by(2));
-    let views: Vec<View> = directions
-        .map(|(d, i)| View { is_both_ways: i + 1 < views, ..View::new(d, reduced, apart) })
-        .collect();
+    let views: Vec<View> = directions.map(|(d, i)| View::new(d, i + 1 < views, reduced, apart)).collect();
     let samples: usize = views.iter().map(|view| view.samples * view.rays[0] * view.rays[1]).sum();
     exec.check_memory("samples on rays", 4 * samples as u64)?;
     let rows: Vec<(&View, usize)> =
@@ -124,7 +122,7 @@ impl View {
     /// direction is a step much longer than the distance of samples there, nor much shorter, whatever their spacing.
     ///
     /// `apart`: distance of rays (mm).
-    fn new(direction: [f64; 3], reduced: &Reduced<'_>, apart: f64) -> Self {
+    fn new(direction: [f64; 3], is_both_ways: bool, reduced: &Reduced<'_>, apart: f64) -> Self {
         let spacing = Vector3::from(reduced.spacing);
         let dims = Vector3::from(reduced.dims.map(|n| n as f64));
         let forward = Vector3::from(direction).normalize();
@@ -157,7 +155,7 @@ impl View {
             step: in_voxels(forward * step_mm),
             step_mm,
             samples: samples as usize,
-            is_both_ways: false,
+            is_both_ways,
         }
     }
 

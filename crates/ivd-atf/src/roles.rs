@@ -124,7 +124,9 @@ fn keep_one(background: &mut [bool], has_label: impl Fn(usize) -> bool) {
 const MOST_OUTSIDE: usize = 16;
 
 /// The class with the largest share of the volume's sides, with those that noise splits it into, if it is joined to them, and every class on its far side
-/// from the bulk of the rest; `sides`: voxels on those across each axis. Each axis counts as much as another: of a thin stack of slices, which cut through the body, most sides lie across one.
+/// from the bulk of the rest. Each axis counts as much as another: of a thin stack of slices, which cut through the body, most sides lie across one.
+///
+/// - `sides`: voxels on those across each axis.
 fn by_border(
     classes: &[ClassStatistics],
     structure: &Structure,
@@ -180,7 +182,7 @@ const MIXED: f64 = 0.25;
 /// the others at random, the faces between them, squared, would be four times the product of those within each. The step is that to the one of the others
 /// which is nearest in value, or to all of them if that is less.
 fn mixture(structure: &Structure, first: usize) -> Vec<bool> {
-    let count = structure.classes;
+    let count = structure.classes();
     let mut chosen = vec![false; count];
     // Faces of each class on those that are chosen, and faces among these.
     let (mut between, mut among) = (vec![0_u64; count], 0_u64);
@@ -330,17 +332,12 @@ mod tests {
         assert_eq!(mixture(&with(faces(false), 1.0), 1), [true, true, false]);
         // Steps of 4 noises to all; of 1 to the one that is nearest in value.
         let mut far = with(faces(true), 1.0);
-        let mut step = |a: usize, b: usize, mean: u64| {
-            far.steps[a * 3 + b] = mean * far.faces(a, b);
-            far.steps[b * 3 + a] = mean * far.faces(a, b);
-        };
-        step(0, 1, 1);
-        step(0, 2, 9);
-        step(1, 2, 4);
+        far.set_step(0, 1, 1);
+        far.set_step(0, 2, 9);
+        far.set_step(1, 2, 4);
         assert_eq!(mixture(&far, 0), [true, true, false]);
         let mut near = far;
-        near.steps[3 + 2] = near.faces(1, 2);
-        near.steps[6 + 1] = near.faces(1, 2);
+        near.set_step(1, 2, 1);
         assert_eq!(mixture(&near, 0), [true; 3]);
         // Specks lie among what is round them; what touches nothing doesn't.
         assert_eq!(mixture(&with(vec![2500, 9, 0, 9, 0, 0, 0, 0, 50], 1.0), 0), [true, true, false]);

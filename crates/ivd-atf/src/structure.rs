@@ -24,11 +24,11 @@ const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 /// Measures of neighbouring voxels by class; classes are numbered in the order of their means.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Structure {
-    pub(crate) classes: usize,
+    classes: usize,
     /// Faces between a voxel of class `a` and one of class `b`, at `a * classes + b`, and at `b * classes + a` again; each face once.
     faces: Vec<u64>,
     /// Steps across them, summed, in levels.
-    pub(crate) steps: Vec<u64>,
+    steps: Vec<u64>,
     /// Median magnitude of the slope in each class [levels / voxel], where a voxel's length is the cube root of its volume.
     pub(crate) slope: Vec<f64>,
     /// Standard deviation of the noise [levels].
@@ -38,6 +38,11 @@ pub(crate) struct Structure {
 }
 
 impl Structure {
+    /// Number of classes.
+    pub(crate) fn classes(&self) -> usize {
+        self.classes
+    }
+
     /// Faces of `a` on `b`.
     pub(crate) fn faces(&self, a: usize, b: usize) -> u64 {
         self.faces[a * self.classes + b]
@@ -54,6 +59,14 @@ impl Structure {
         let faces: u64 = chosen().map(|i| self.faces[i]).sum();
         let steps: u64 = chosen().map(|i| self.steps[i]).sum();
         if faces == 0 { f64::INFINITY } else { steps as f64 / faces as f64 }
+    }
+
+    /// Makes the mean step across the faces of two classes so large [levels].
+    #[cfg(test)]
+    pub(crate) fn set_step(&mut self, a: usize, b: usize, mean: u64) {
+        for at in [a * self.classes + b, b * self.classes + a] {
+            self.steps[at] = mean * self.faces[at];
+        }
     }
 
     /// A structure without noise and slopes, from its faces alone.

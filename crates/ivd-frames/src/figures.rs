@@ -1,6 +1,6 @@
 //! What is told beside the pictures.
 
-use ivd_core::{Volume, VoxelCoord, World};
+use ivd_core::{Grid, Volume, VoxelCoord, VoxelIndex, World};
 use ivd_field::lies::Lies;
 use ivd_map::DepthWeight;
 use ivd_render::Lens;
@@ -365,7 +365,11 @@ pub(crate) fn letters(lens: &Lens) -> [&'static str; 4] {
 
 /// The value of the voxel nearest to a place (mm, RAS); `None` beside the volume, and where it is no number.
 pub(crate) fn value_at(volume: &Volume, place: [f64; 3]) -> Option<f64> {
-    let VoxelCoord(voxel) = volume.grid().voxel(World(place.into()));
-    let nearest = volume.grid().nearest_voxel(voxel);
-    nearest.map(|voxel| volume.value(voxel)).filter(|value| value.is_finite())
+    voxel_at(volume.grid(), place).map(|voxel| volume.value(voxel)).filter(|value| value.is_finite())
+}
+
+/// The voxel nearest to a place (mm, RAS); `None` beside the grid.
+pub(crate) fn voxel_at(grid: &Grid, place: [f64; 3]) -> Option<VoxelIndex> {
+    let VoxelCoord(voxel) = grid.voxel(World(place.into()));
+    grid.nearest_voxel(voxel)
 }

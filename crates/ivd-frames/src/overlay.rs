@@ -274,6 +274,7 @@ mod tests {
         let ends = [0.0, 0.011, 1.0, 1.2, 4.9, 12.0, 60.0].map(|most| scale(Overlay::Motion, most).ends[1]);
         let wanted = [0.01, 0.02, 1.0, 2.0, 5.0, 20.0, 100.0];
         assert!(ends.iter().zip(wanted).all(|(end, wanted)| (end - wanted).abs() < 1e-9), "{ends:?}");
+        assert_eq!(scale(Overlay::Volume, 9.0).ends, [0.5, 2.0]);
         assert_eq!(scale(Overlay::Volume, 9.0).told(), "≤ 0.5 to ≥ 2 times the volume");
         let colours = |of: Overlay, shares: [f64; 2]| shares.map(|share| scale(of, 1.0).colour(share));
         assert_eq!(colours(Overlay::Motion, [-1.0, 0.0]), [MOTION[0]; 2]);

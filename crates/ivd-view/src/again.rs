@@ -22,7 +22,7 @@ impl Window {
         let figures = self.shown.figures();
         let [undo, redo] =
             [figures.and_then(|told| told.undo.clone()), figures.and_then(|told| told.redo.clone())];
-        match self.remade.filter(|_| self.previous.is_some() && figures.is_some()) {
+        match self.previous.as_ref().and_then(|previous| previous.step).filter(|_| figures.is_some()) {
             Some(Way::Forth) => [Some(REMADE.to_owned()), redo],
             Some(Way::Back) => [undo, Some(REMADE.to_owned())],
             None => [undo, redo],
@@ -35,9 +35,10 @@ impl Window {
             // It is on its way; what was done before isn't meant.
             return;
         }
-        let previous = self.previous.clone().filter(|_| self.remade.is_some_and(|made| made != way));
-        match (previous, way) {
-            (Some(previous), _) => self.make_of(previous.source, way),
+        let previous =
+            self.previous.as_ref().filter(|previous| previous.step.is_some_and(|made| made != way));
+        match (previous.map(|previous| previous.source.clone()), way) {
+            (Some(source), _) => self.make_of(source, way),
             (None, Way::Back) => self.ask(Request::Undo),
             (None, Way::Forth) => self.ask(Request::Redo),
         }
@@ -61,12 +62,12 @@ impl Window {
                 let made = figures.map_or_else(String::new, |figures| told(&figures.made));
                 let (again, previous) = (source.clone(), self.previous.clone());
                 let handles = seen.handles.iter().map(|handle| handle.id).collect();
-                let was = AsBefore { source: work.source.clone(), made, handles };
+                let was = AsBefore { source: work.source.clone(), made, handles, step: Some(way) };
                 if let Some(previous) = previous.as_ref().filter(|previous| previous.source == source) {
                     // Those that there were before go back to where they were.
                     seen.handles.retain(|handle| !previous.handles.contains(&handle.id));
                 }
-                let before = Before { again, way, was, entries, seen, previous, remade: self.remade };
+                let before = Before { again, was, entries, seen, previous };
                 self.begin_again(&source, before.entries.clone(), before.seen.clone(), context);
                 self.before = self.work.is_some().then_some(before);
             }
@@ -84,7 +85,7 @@ impl Window {
     /// Opens what was open before the same was made otherwise.
     pub(crate) fn as_it_was(&mut self, before: Before, context: &Context) {
         self.begin_again(&before.was.source, before.entries, before.seen, context);
-        (self.previous, self.remade) = (before.previous, before.remade);
+        self.previous = before.previous;
     }
 
     /// Opens what was open before something that was to be made otherwise and has ended; whether there was something.
@@ -92,9 +93,9 @@ impl Window {
         let Some(work) = ended else { return false };
         let before = self.before.take().filter(|before| before.again == work.source);
         let left = work.close();
-        let Some(Before { was, entries, seen, previous, remade, .. }) = before else { return false };
+        let Some(Before { was, entries, seen, previous, .. }) = before else { return false };
         self.begin(&was.source, Begins::Again(entries, left, seen.sight), context);
-        (self.seen, self.previous, self.remade) = (seen, previous, remade);
+        (self.seen, self.previous) = (seen, previous);
         true
     }
 
@@ -129,9 +130,9 @@ impl Window {
         let before = self.before.take().filter(is_open);
         if let Some(before) = &before {
             // What couldn't be done again isn't brought back by going back.
-            self.remade = Some(before.way).filter(|_| figures.missed.is_empty());
+            let step = before.was.step.filter(|_| figures.missed.is_empty());
+            self.previous = Some(Box::new(AsBefore { step, ..before.was.clone() }));
         }
-        self.previous = before.as_ref().map(|before| Box::new(before.was.clone())).or(self.previous.take());
         if let Some(before) = before.filter(|_| !figures.missed.is_empty()) {
             self.dialog = Some(Dialog::Missed { missed: figures.missed.clone(), before });
         }
@@ -205,14 +206,12 @@ impl Making {
 pub(crate) struct Before {
     /// What is made.
     again: Source,
-    way: Way,
     /// What was open.
     was: AsBefore,
     /// What was done to it.
     entries: Vec<Entry>,
     /// How it was seen.
     seen: Seen,
-    /// What was open before that, and whether going back to it was a step.
+    /// What was open before that.
     previous: Option<Box<AsBefore>>,
-    remade: Option<Way>,
 }

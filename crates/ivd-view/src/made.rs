@@ -156,6 +156,8 @@ pub(crate) struct AsBefore {
     pub(crate) made: String,
     /// The handles that there were.
     pub(crate) handles: Vec<u32>,
+    /// Which way it was left, while that is the last step.
+    pub(crate) step: Option<Way>,
 }
 
 /// What it is made of, in words.

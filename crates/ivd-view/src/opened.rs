@@ -93,7 +93,7 @@ impl Window {
         (self.shown, self.hands) = (Shown::default(), Hands::default());
         (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
-        (self.wish, self.making, self.previous, self.remade) = (None, None, None, None);
+        (self.wish, self.making, self.previous) = (None, None, None);
         self.inside = None;
         self.seen = Seen::default();
         (self.ruler_from, self.bone_from) = (None, None);

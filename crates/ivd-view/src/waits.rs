@@ -23,9 +23,14 @@ pub(crate) fn does_something(request: &Request) -> bool {
     !matches!(request, Request::Hover { .. } | Request::Resize { .. })
 }
 
+/// Whether what is done changes something.
+fn changes(does: &str) -> bool {
+    ![DRAWING, SAVING].contains(&does)
+}
+
 /// Whether a request is to become a step that can be undone, or goes through those.
 pub(crate) fn makes_step(request: &Request) -> bool {
-    ![DRAWING, SAVING].contains(&doing(request)) || matches!(request, Request::Class { .. } | Request::Adjust)
+    changes(doing(request)) || matches!(request, Request::Class { .. } | Request::Adjust)
 }
 
 impl Waits {
@@ -55,7 +60,7 @@ impl Waits {
 
     /// Whether what is done changes something.
     pub(crate) fn changes(&self) -> bool {
-        ![DRAWING, SAVING].contains(&self.does)
+        changes(self.does)
     }
 
     /// What is done, and for how long already; `None` where that isn't worth a word yet.

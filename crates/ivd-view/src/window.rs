@@ -58,8 +58,6 @@ pub struct Window {
     pub(crate) before: Option<Before>,
     /// How it was opened before it was made otherwise.
     pub(crate) previous: Option<Box<AsBefore>>,
-    /// Which way it was made otherwise last, until something else is done.
-    pub(crate) remade: Option<Way>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.
@@ -116,7 +114,6 @@ impl Window {
             making: None,
             before: None,
             previous: None,
-            remade: None,
             seen: Seen::default(),
             typed: Typed::default(),
             selected: None,
@@ -239,8 +236,8 @@ impl Window {
             let (is_more, is_step) = (does_something(&request), makes_step(&request));
             let opens = matches!(request, Request::Cut { along: Some(_) });
             let number = work.ask(request);
-            if is_step {
-                self.remade = None;
+            if let Some(previous) = self.previous.as_mut().filter(|_| is_step) {
+                previous.step = None;
             }
             if is_more {
                 let cross = self.shown.figures().filter(|_| opens).map(|figures| figures.cross);

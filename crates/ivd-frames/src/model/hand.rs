@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use ivd_core::{NO_DATA, VoxelCoord, VoxelIndex, World};
+use ivd_core::{NO_DATA, VoxelIndex};
 use ivd_motion::handles::{Action, Anchor, Handle, find_picks};
 use ivd_session::{Event, Id};
 use nalgebra::Vector3;
 
 use super::{Drag, Model, no_more_than, nothing_there, sheet};
-use crate::figures::{Hovered, Refused, Spot, value_at};
+use crate::figures::{Hovered, Refused, Spot, value_at, voxel_at};
 use crate::panes::Across;
 use crate::request::MOST_HANDLES;
 use crate::{Axis, Error, Overlay, Pane, SEEN_ASIDE, ShownBy};
@@ -79,8 +79,7 @@ impl Model {
     pub(super) fn times_at(&self, place: [f64; 3]) -> Option<f64> {
         let told = self.overlay.filter(|of| *of == Overlay::Volume)?;
         let displacement = self.session.displacement();
-        let VoxelCoord(voxel) = displacement.grid().voxel(World(place.into()));
-        let VoxelIndex(voxel) = displacement.grid().nearest_voxel(voxel)?;
+        let VoxelIndex(voxel) = voxel_at(displacement.grid(), place)?;
         told.value(displacement, voxel)
     }
 

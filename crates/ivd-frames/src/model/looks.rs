@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use ivd_atf::matter_of_hounsfield;
-use ivd_core::{ClassLook, ClassRole, TransferEntry, TransferFunction, VoxelCoord, World, srgb};
+use ivd_core::{ClassLook, ClassRole, TransferEntry, TransferFunction, srgb};
 use ivd_render::{ClassLooks, Colour, Fit, Opacity, View};
 use serde_json::json;
 
 use super::Model;
 use crate::colours::{Turned, Window};
-use crate::figures::Class;
+use crate::figures::{Class, voxel_at};
 use crate::{Error, Overlay, Pane, Request, ShownBy, Subject};
 
 /// A mm³ (ml).
@@ -264,8 +264,7 @@ impl Model {
     /// The class of the voxel that is at a place at rest (mm, RAS), where classes are known.
     pub(super) fn class_at(&self, rest: [f64; 3]) -> Option<u16> {
         let labels = self.subject.labels.as_ref()?;
-        let VoxelCoord(voxel) = labels.grid().voxel(World(rest.into()));
-        labels.grid().nearest_voxel(voxel).map(|voxel| labels.ids()[labels.grid().linear(voxel)])
+        voxel_at(labels.grid(), rest).map(|voxel| labels.ids()[labels.grid().linear(voxel)])
     }
 
     /// What classes look like in bytes, by their numbers; none of those that aren't drawn.

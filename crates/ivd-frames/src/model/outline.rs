@@ -22,9 +22,13 @@ type Key = (u64, u8, bool);
 impl Outlines {
     /// The lines as they are now.
     pub(crate) fn update(&mut self, model: &Model) -> [Outline; 3] {
-        if !model.outlines {
-            return self.0.each_ref().map(|(_, outline)| outline.clone());
+        if model.outlines {
+            self.bring_up_to_date(model);
         }
+        self.0.each_ref().map(|(_, outline)| outline.clone())
+    }
+
+    fn bring_up_to_date(&mut self, model: &Model) {
         let mut places = None;
         let at_rest = model.compared.shows == Shows::Rest;
         for (slice, (known, outline)) in self.0.iter_mut().enumerate() {
@@ -41,7 +45,6 @@ impl Outlines {
             *outline = cut(plane, dims, planes.slice(plane, dims), places, lattice.triangles()).into();
             *known = Some(key);
         }
-        self.0.each_ref().map(|(_, outline)| outline.clone())
     }
 }
 

@@ -5,19 +5,14 @@ use crate::volume::stored::FileType;
 
 /// The frame to read of a file with `frames` of them; `field` is where the file says so.
 pub(crate) fn choose(path: &Path, field: &str, frames: usize, chosen: Option<usize>) -> Result<usize, Error> {
+    let remedy = || format!("choose one of 0 to {} with --frame, or input.frame of a scene", frames - 1);
     match chosen {
         Some(frame) if frame < frames => Ok(frame),
-        Some(frame) => Err(Error::choice(
-            path,
-            format!("there is no frame {frame}: {field} says {frames}"),
-            format!("choose one of 0 to {} with --frame, or input.frame of a scene", frames - 1),
-        )),
+        Some(frame) => {
+            Err(Error::choice(path, format!("there is no frame {frame}: {field} says {frames}"), remedy()))
+        }
         None if frames == 1 => Ok(0),
-        None => Err(Error::choice(
-            path,
-            format!("{frames} frames ({field})"),
-            format!("choose one of 0 to {} with --frame, or input.frame of a scene", frames - 1),
-        )),
+        None => Err(Error::choice(path, format!("{frames} frames ({field})"), remedy())),
     }
 }
 
