@@ -2,6 +2,7 @@
 
 use crate::KindCode;
 use std::fmt;
+use std::io::{self, Read};
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -64,6 +65,23 @@ impl<'de> Deserialize<'de> for ContentHash {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
         text.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+/// Adds what is read to a hash, piece by piece. Nothing is mapped into memory: it would count as the program's, and others may write into a file that isn't
+/// an artefact, or cut it.
+///
+/// # Errors
+/// That of the reader.
+pub fn hash_all(hasher: &mut blake3::Hasher, mut from: impl Read) -> io::Result<()> {
+    let mut piece = Vec::with_capacity(CHUNK);
+    loop {
+        piece.clear();
+        from.by_ref().take(CHUNK as u64).read_to_end(&mut piece)?;
+        if piece.is_empty() {
+            return Ok(());
+        }
+        hasher.update_rayon(&piece);
     }
 }
 
@@ -130,6 +148,26 @@ pub(crate) fn content(kind: Kind, version: u16, metadata: &Metadata) -> ContentH
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Gives a few bytes at a time, as pipes do.
+    struct Drops<'a>(&'a [u8]);
+
+    impl Read for Drops<'_> {
+        fn read(&mut self, room: &mut [u8]) -> io::Result<usize> {
+            let bytes = room.len().min(70_001);
+            self.0.read(&mut room[..bytes])
+        }
+    }
+
+    #[test]
+    fn what_is_read_in_pieces_hashes_as_a_whole() {
+        for length in [0, 1, CHUNK - 1, CHUNK, CHUNK + 1, 2 * CHUNK + 12_345] {
+            let bytes: Vec<u8> = (0..length).map(|i| (i % 251) as u8).collect();
+            let mut hasher = blake3::Hasher::new();
+            hash_all(&mut hasher, Drops(&bytes)).unwrap();
+            assert_eq!(hasher.finalize(), blake3::hash(&bytes), "{length} bytes");
+        }
+    }
 
     #[test]
     fn hashes_print_parse_and_serialize_as_hex() {

@@ -55,7 +55,7 @@ pub use cache::{Cache, CacheKey, Entry, FileHash, Lookup, user_cache};
 pub use canonical::canonical_json;
 pub use element::Element;
 pub use error::Error;
-pub use hash::{CHUNK, ContentHash};
+pub use hash::{CHUNK, ContentHash, hash_all};
 pub use head::{Info, SectionInfo};
 pub use ivd_core::{Artefact, ArtefactRef, Kind};
 pub use kind::KindCode;

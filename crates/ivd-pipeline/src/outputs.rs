@@ -469,7 +469,7 @@ fn hash_output(path: &Path) -> std::io::Result<String> {
     };
     let mut hasher = blake3::Hasher::new();
     for file in files {
-        hasher.update_mmap_rayon(file)?;
+        ivd_artefact::hash_all(&mut hasher, std::fs::File::open(file)?)?;
     }
     Ok(hasher.finalize().to_hex().to_string())
 }

@@ -8,8 +8,7 @@ use std::time::{Duration, SystemTime};
 use serde::{Deserialize, Serialize};
 
 use super::{Cache, used};
-use crate::map::Map;
-use crate::{ContentHash, Error};
+use crate::{ContentHash, Error, hash_all};
 
 /// Folder of the remembered hashes, beside the entries.
 const FOLDER: &str = "sources";
@@ -99,7 +98,7 @@ impl Cache {
             used::mark_used(note);
             return Ok(FileHash { hash, bytes_read: 0 });
         }
-        let hash = hash_of(&file, &stat).map_err(Error::io(path, "read"))?;
+        let hash = hash_of(&file).map_err(Error::io(path, "read"))?;
         if let (Some(stamp), Some(note)) = (stamp.filter(Stamp::is_settled), note) {
             remember(&note, stamp, hash);
         }
@@ -113,14 +112,9 @@ impl Cache {
     }
 }
 
-fn hash_of(file: &File, stat: &Metadata) -> std::io::Result<ContentHash> {
+fn hash_of(file: &File) -> std::io::Result<ContentHash> {
     let mut hasher = blake3::Hasher::new();
-    // What isn't a plain file can't be mapped, and an empty one need not be.
-    if stat.is_file() && stat.len() > 0 {
-        hasher.update_rayon(Map::new(file)?.bytes());
-    } else {
-        hasher.update_reader(file)?;
-    }
+    hash_all(&mut hasher, file)?;
     Ok(ContentHash(*hasher.finalize().as_bytes()))
 }
 
