@@ -1,4 +1,5 @@
 use ivd_core::{Classified, ErrorClass};
+use ivd_pipeline::Offer;
 
 /// Why a window can't show something, or a request wasn't followed.
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +40,16 @@ pub enum Error {
         /// What the system says.
         problem: String,
     },
+}
+
+impl Error {
+    /// What else of the scan could be opened, where that would help.
+    pub fn offer(&self) -> Option<&Offer> {
+        match self {
+            Self::Pipeline(error) => error.offer(),
+            _ => None,
+        }
+    }
 }
 
 impl Classified for Error {

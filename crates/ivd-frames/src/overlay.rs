@@ -5,14 +5,21 @@ use ivd_render::scale::{BLUE_TO_RED, colour_at, rounded_up};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A volume that has changed by as many times, or by one over that, has the last colour.
-const MOST_TIMES: f64 = 2.0;
+/// A volume that has changed by as many octaves, up or down, has the colour of an end of `BLUE_TO_RED`; from there on they go over into those of what
+/// hardly any matter does, ...
+const USUAL: f64 = 1.0;
+/// ... and are those from so many octaves on.
+const MOST: f64 = 3.0;
+/// What has an eighth of its volume left or less, and what has eight times as much or more: violet and yellow.
+const FAR: [[u8; 3]; 2] = [[170, 40, 220], [255, 215, 60]];
 /// How much of a pixel is its colour at most.
 const OPAQUE: f64 = 0.7;
 /// How much of a pixel is the colour of its class.
 const CLASS: f64 = 0.4;
-/// From this share of the scale on a colour is whole; before that it fades in: of a motion, and of a change, whose first colours are next to white.
-const WHOLE: [f64; 2] = [0.15, 0.6];
+/// From this share of the scale on the colour of a motion is whole; before that it fades in.
+const WHOLE: f64 = 0.15;
+/// From so many octaves on that of a change is, whose first colours are next to white.
+const WHOLE_CHANGE: f64 = 0.6;
 /// What is darker than this grey fades out: of air nobody asks where it has gone.
 const SEEN: f64 = 24.0;
 /// From dark to light, for any colour vision: a few of viridis (van der Walt and Smith 2015).
@@ -52,9 +59,9 @@ impl Overlay {
                 let ends = [0.0, rounded_up(largest_mm.max(0.01))];
                 Some(Scale { ends, unit: "mm", goes_on: false, stops: &MOTION })
             }
-            // Squeezed is blue and stretched is red.
+            // Squeezed is blue, and violet in the end; stretched is red, and yellow. Always the same, so that pictures can be compared.
             Self::Volume => {
-                let ends = [1.0 / MOST_TIMES, MOST_TIMES];
+                let ends = [(-MOST).exp2(), MOST.exp2()];
                 Some(Scale { ends, unit: "times the volume", goes_on: true, stops: &BLUE_TO_RED })
             }
             Self::Classes => None,
@@ -80,10 +87,10 @@ impl Overlay {
         // From where nothing has happened to the end of the scale.
         let (share, far) = if self == Self::Motion {
             let share = value / scale.ends[1];
-            (share, share / WHOLE[0])
+            (share, share / WHOLE)
         } else {
-            let octaves = (value.log2() / MOST_TIMES.log2()).clamp(-1.0, 1.0);
-            (0.5 + 0.5 * octaves, octaves.abs() / WHOLE[1])
+            let octaves = value.log2();
+            (0.5 + 0.5 * octaves / MOST, octaves.abs() / WHOLE_CHANGE)
         };
         let weight = OPAQUE * far.clamp(0.0, 1.0) * (f64::from(grey) / SEEN).min(1.0);
         mixed(grey, scale.colour(share), weight)
@@ -116,7 +123,7 @@ pub struct Scale {
     pub ends: [f64; 2],
     /// Of what.
     pub unit: &'static str,
-    /// Whether values go on beyond the ends, in the colours of the ends.
+    /// Whether it is one of changes, by octaves: values go on beyond the ends, in the colours of the ends.
     goes_on: bool,
     stops: &'static [[u8; 3]; 5],
 }
@@ -134,7 +141,14 @@ impl Scale {
 
     /// The colour at a share of the scale, 0 … 1; beyond its ends that of the end.
     pub fn colour(self, share: f64) -> [u8; 3] {
-        colour_at(self.stops, share)
+        if !self.goes_on {
+            return colour_at(self.stops, share);
+        }
+        let octaves = (2.0 * share - 1.0) * MOST;
+        let usual = colour_at(self.stops, 0.5 + 0.5 * octaves / USUAL);
+        let way = ((octaves.abs() - USUAL) / (MOST - USUAL)).clamp(0.0, 1.0);
+        let far = FAR[usize::from(octaves > 0.0)];
+        std::array::from_fn(|c| (f64::from(usual[c]) * (1.0 - way) + f64::from(far[c]) * way).round() as u8)
     }
 }
 
@@ -274,11 +288,17 @@ mod tests {
         let ends = [0.0, 0.011, 1.0, 1.2, 4.9, 12.0, 60.0].map(|most| scale(Overlay::Motion, most).ends[1]);
         let wanted = [0.01, 0.02, 1.0, 2.0, 5.0, 20.0, 100.0];
         assert!(ends.iter().zip(wanted).all(|(end, wanted)| (end - wanted).abs() < 1e-9), "{ends:?}");
-        assert_eq!(scale(Overlay::Volume, 9.0).ends, [0.5, 2.0]);
-        assert_eq!(scale(Overlay::Volume, 9.0).told(), "≤ 0.5 to ≥ 2 times the volume");
+        assert_eq!(scale(Overlay::Volume, 9.0).ends, [0.125, 8.0]);
+        assert_eq!(scale(Overlay::Volume, 9.0).told(), "≤ 0.125 to ≥ 8 times the volume");
         let colours = |of: Overlay, shares: [f64; 2]| shares.map(|share| scale(of, 1.0).colour(share));
         assert_eq!(colours(Overlay::Motion, [-1.0, 0.0]), [MOTION[0]; 2]);
-        assert_eq!(colours(Overlay::Volume, [0.25, 1.0]), [BLUE_TO_RED[1], BLUE_TO_RED[4]]);
+        // An octave is a sixth of the scale: half the volume, and twice as much.
+        assert_eq!(colours(Overlay::Volume, [1.0 / 3.0, 2.0 / 3.0]), [BLUE_TO_RED[0], BLUE_TO_RED[4]]);
+        assert_eq!(colours(Overlay::Volume, [-1.0, 2.0]), FAR);
+        // What is squeezed more is never of the colour of what is squeezed less.
+        let blue = (0..=40).map(|step| scale(Overlay::Volume, 1.0).colour(f64::from(step) / 80.0));
+        let blue: Vec<_> = blue.collect();
+        assert!(blue.windows(2).all(|pair| pair[0] != pair[1]), "{blue:?}");
         assert!(Overlay::Classes.scale(1.0).is_none());
     }
 }

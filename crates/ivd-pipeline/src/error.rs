@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use ivd_core::op::Failure;
 use ivd_core::{Classified, ErrorClass};
+use ivd_io::volume::Offer;
 
 /// Why a pipeline or one of its stages failed.
 #[derive(Debug, thiserror::Error)]
@@ -118,8 +119,34 @@ impl Error {
         move |error| Self::Stage { stage, class: error.error_class(), source: Box::new(error) }
     }
 
+    /// What else of its scan would be read, where that would help.
+    pub fn offer(&self) -> Option<&Offer> {
+        match self {
+            Self::Stage { source, .. } => source.downcast_ref::<OfScan>()?.0.offer(),
+            Self::OverMemory { source, .. } => source.offer(),
+            Self::Scene { .. }
+            | Self::WrongKind { .. }
+            | Self::Artefact(_)
+            | Self::Core(_)
+            | Self::Damaged(_)
+            | Self::Limit(_)
+            | Self::Figure { .. }
+            | Self::Io { .. } => None,
+        }
+    }
+
+    /// Puts what a reader says of the scan itself, not of another file, under the stage's name.
+    pub(crate) fn of_scan(stage: &'static str) -> impl FnOnce(ivd_io::volume::Error) -> Self {
+        move |error| Self::Stage { stage, class: error.error_class(), source: Box::new(OfScan(error)) }
+    }
+
     /// A wrong combination of parameters, in the words of the program and the scene.
     pub fn usage(stage: &'static str, problem: impl Into<String>) -> Self {
         Self::Stage { stage, source: problem.into().into(), class: ErrorClass::Usage }
     }
 }
+
+/// What a reader says of the scan itself.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+struct OfScan(ivd_io::volume::Error);

@@ -72,6 +72,7 @@ pub use export::{
 pub use frame_file::frame_file;
 pub use frames::map_frame;
 pub use ivd_core::op::Slot;
+pub use ivd_io::volume::{Offer, OfferedSeries};
 pub use left_over::{Before, LeftOver};
 pub use node::run_node;
 pub use options::PipelineOptions;

@@ -77,8 +77,10 @@ impl Window {
     /// Opens something in the place of what is open, does to it what was done, and shows it as it was seen.
     fn begin_again(&mut self, source: &Source, entries: Vec<Entry>, seen: Seen, context: &Context) {
         let left = self.work.take().and_then(|work| work.leave(entries.len()));
+        let meanwhile = self.shown.figures().cloned();
         self.clear();
         self.begin(source, Begins::Again(entries, left, seen.sight), context);
+        self.meanwhile = meanwhile;
         self.seen = seen;
     }
 

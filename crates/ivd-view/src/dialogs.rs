@@ -10,6 +10,7 @@ use crate::again::Before;
 use crate::files::Keeps;
 use crate::journal::Left;
 use crate::keys::OWN;
+use crate::offered::Offered;
 use crate::run::source;
 use crate::system::Purpose;
 use crate::window::Window;
@@ -35,6 +36,8 @@ pub(crate) enum Dialog {
     Recorded,
     /// What hands and keys do.
     Keys,
+    /// Which of several things that a file or folder holds is to be opened.
+    Offered(Offered),
     /// Something went wrong.
     Problem { title: &'static str, text: String },
 }
@@ -113,6 +116,7 @@ impl Window {
             }
             Dialog::Missed { before, .. } => self.as_it_was(before, context),
             Dialog::Recorded => self.record(context),
+            Dialog::Offered(offered) => self.open(offered.chosen(), context),
             Dialog::Keys | Dialog::Problem { .. } => {}
         }
     }
@@ -237,6 +241,7 @@ impl Dialog {
             Self::Missed { .. } => 7,
             Self::Export { .. } => 8,
             Self::Recorded => 9,
+            Self::Offered(_) => 12,
         }
     }
 
@@ -244,6 +249,7 @@ impl Dialog {
     fn width(&self) -> f32 {
         match self {
             Self::Keys => 900.0,
+            Self::Offered(_) => 640.0,
             _ => 460.0,
         }
     }
@@ -334,6 +340,10 @@ impl Dialog {
                 });
                 choice(ui, "Close the list", None)
             }
+            Self::Offered(offered) => {
+                offered.show(ui);
+                either(ui, offered.does(), None, true)
+            }
             Self::Problem { title, text } => {
                 ui.heading(*title);
                 ui.label(text.as_str());
@@ -384,10 +394,10 @@ fn typed(ui: &mut Ui, path: &mut String, name: &str, verb: &str, was_asked: bool
 
 /// Buttons for what is asked; with another there is a way out as well.
 fn choice(ui: &mut Ui, does: &str, other: Option<&str>) -> Answer {
-    either(ui, does, other, true)
+    either(ui, does, other, other.is_some())
 }
 
-/// Buttons for what is asked, and for a way out where there is one.
+/// Buttons for what is asked, for something else, and for a way out, where there are those.
 fn either(ui: &mut Ui, does: &str, other: Option<&str>, is_way_out: bool) -> Answer {
     let mut answer = Answer::None;
     ui.horizontal(|ui| {
@@ -398,8 +408,7 @@ fn either(ui: &mut Ui, does: &str, other: Option<&str>, is_way_out: bool) -> Ans
         if first.clicked() {
             answer = Answer::Do;
         }
-        let Some(other) = other else { return };
-        if ui.button(other).clicked() {
+        if other.is_some_and(|other| ui.button(other).clicked()) {
             answer = Answer::Other;
         }
         if is_way_out && ui.button("Cancel").clicked() {

@@ -25,6 +25,7 @@ mod layout;
 mod made;
 mod matter;
 mod number;
+mod offered;
 mod opened;
 mod over;
 mod pane;

@@ -94,7 +94,7 @@ impl Window {
         (self.turning, self.word, self.waits, self.chooses) = (None, None, None, None);
         self.notes.clear();
         (self.wish, self.making, self.previous) = (None, None, None);
-        self.inside = None;
+        (self.inside, self.meanwhile) = (None, None);
         self.seen = Seen::default();
         (self.ruler_from, self.bone_from) = (None, None);
         (self.typed, self.selected) = (Typed::default(), None);

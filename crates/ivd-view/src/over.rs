@@ -67,6 +67,8 @@ impl Over<'_> {
     pub(crate) fn draw(&self) {
         self.outline();
         self.cross_hair();
+        // Below what hands take hold of.
+        self.letters();
         if let Some(figures) = self.shown.figures() {
             self.spots(figures);
             self.cut(figures);
@@ -75,7 +77,6 @@ impl Over<'_> {
             self.legend(figures);
             self.states(figures);
         }
-        self.letters();
         self.bar();
         self.write(self.rect.left_top() + vec2(6.0, 4.0), Align2::LEFT_TOP, name(self.pane), LETTERS, FAINT);
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use egui::{Color32, Context, Frame, Label, Margin, RichText, Ui};
+use egui::{Align, Color32, Context, Frame, Label, Layout, Margin, RichText, Ui};
 use ivd_core::{Classified as _, ErrorClass};
 use ivd_frames::{Figures, MapName, Refused, Request, Saved};
 
@@ -11,6 +11,7 @@ use crate::awaited::Awaited;
 use crate::dialogs::Dialog;
 use crate::files::Keeps;
 use crate::handles::AWAY;
+use crate::offered::Offered;
 use crate::window::Window;
 
 /// What is told stays for so long (s) ...
@@ -239,6 +240,7 @@ impl Window {
     fn ended(&mut self, error: &Arc<ivd_frames::Error>, context: &Context) {
         let had_frames = self.shown.figures().is_some();
         let left = self.work.take();
+        let source = left.as_ref().map(|work| work.source.clone());
         self.clear();
         if had_frames {
             // Its log stays.
@@ -253,6 +255,8 @@ impl Window {
             self.say(format!("Opening was stopped.{back}"));
         } else if self.begin_as_before(left, context) {
             self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
+        } else if let Some((source, offer)) = source.zip(error.offer()) {
+            self.dialog = Some(Dialog::Offered(Offered::of(source, offer.clone(), error.to_string())));
         } else {
             self.failed("This can't be opened", &error.to_string());
         }
@@ -269,35 +273,39 @@ impl Window {
                 self.word = None;
             }
         }
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            // Where it is always, whatever is told.
+            self.show_squeezed(ui);
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| self.word_or_warning(ui));
+        });
+    }
+
+    fn word_or_warning(&mut self, ui: &mut Ui) {
         // While a hand is ahead that is what is told; while something else is worked on, not why the last wasn't followed.
         let is_held = self.shown.figures().is_some_and(|figures| figures.held.is_some());
         let refused = self.shown.figures().filter(|_| is_held).and_then(refusal);
         let is_past = |word: &&Word| word.stays && !is_held && self.can_stop();
         let Some(word) = refused.as_ref().or(self.word.as_ref().filter(|word| !is_past(word))) else {
-            ui.horizontal_centered(|ui| self.warning(ui));
+            self.warning(ui);
             return;
         };
         let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
         let (text, exactly) = (word.text.clone(), word.exactly.clone());
         let now = self.shown.figures().map_or("", |figures| figures.map);
         let instead = word.instead.filter(|map| map.key() != now);
-        let chosen = ui.horizontal_centered(|ui| {
-            let offered = |map: MapName| ui.button(format!("Follow {}", map.word())).clicked();
-            let chosen = instead.is_some_and(offered);
-            // A warning has room beside it.
-            let share = if self.is_warned() { 0.6 } else { 1.0 };
-            let room = share * ui.available_width();
-            Frame::new().fill(ground).inner_margin(Margin::symmetric(6, 2)).show(ui, |ui| {
-                ui.set_max_width(room - 12.0);
-                let line = ui.add(Label::new(RichText::new(&text).color(colour)).truncate());
-                if let Some(exactly) = exactly {
-                    line.on_hover_text(exactly);
-                }
-            });
-            self.warning(ui);
-            chosen
+        let chosen = instead.filter(|map| ui.button(format!("Follow {}", map.word())).clicked());
+        // A warning has room beside it.
+        let share = if self.is_warned() { 0.6 } else { 1.0 };
+        let room = share * ui.available_width();
+        Frame::new().fill(ground).inner_margin(Margin::symmetric(6, 2)).show(ui, |ui| {
+            ui.set_max_width(room - 12.0);
+            let line = ui.add(Label::new(RichText::new(&text).color(colour)).truncate());
+            if let Some(exactly) = exactly {
+                line.on_hover_text(exactly);
+            }
         });
-        if let Some(map) = instead.filter(|_| chosen.inner) {
+        self.warning(ui);
+        if let Some(map) = chosen {
             self.word = None;
             self.ask(Request::Map { map });
         }

@@ -38,7 +38,12 @@ impl Window {
         ScrollArea::both().auto_shrink(false).show(ui, |ui| {
             // Texts wrap; what can't be narrower is scrolled to.
             ui.set_max_width(width);
-            if let Some(figures) = self.shown.figures().cloned() {
+            // While it is made again the panel stays as it was, and where it was scrolled to.
+            let meanwhile = self.meanwhile.clone().filter(|_| self.shown.figures().is_none());
+            if meanwhile.is_some() {
+                ui.disable();
+            }
+            if let Some(figures) = self.shown.figures().cloned().or(meanwhile) {
                 self.motion(ui, &figures);
                 ui.separator();
                 self.handles(ui, &figures);

@@ -10,7 +10,10 @@ use crate::window::Window;
 const MEANS: &str = "Largest motion: of any voxel. What every voxel keeps at least of its volume is a proven bound; above 0 nothing folds.";
 
 /// What is shown of what is squeezed.
-const WHERE: &str = "The button takes the slices to the voxel that is squeezed most, with colours that tell how much; what it has left is told below, and is more than the bound, which holds between voxels too. A larger radius or a smaller move squeezes less.";
+const WHERE: &str = "Takes the slices to the voxel that is squeezed most, with colours that tell how much; what it has left is told below, and is more than the bound, which holds between voxels too";
+/// What it means that something is squeezed.
+const IS_SQUEEZED: &str =
+    "A larger radius or a smaller move squeezes less. The button to the right shows where.";
 /// What it means that voxels stay behind.
 const STAY_BEHIND: &str = "Where voxels would fold if they followed the surface all the way, they stay behind it, by this much at most. A larger radius or a smaller move leaves less behind.";
 /// What it means that something is cut off.
@@ -67,22 +70,23 @@ impl Window {
     }
 
     /// What is to be known before what is seen is trusted, above the line.
-    pub(crate) fn warning(&mut self, ui: &mut Ui) {
+    pub(crate) fn warning(&self, ui: &mut Ui) {
         let Some([squeezed, left, cut_off]) = self.shown.figures().map(warned) else { return };
         let warn = |text: String| egui::RichText::new(text).color(ui.visuals().warn_fg_color);
         let squeezed = squeezed.map(warn);
-        let others = [(cut_off.map(warn), CUT_OFF), (left.map(warn), STAY_BEHIND)];
-        if let Some(squeezed) = squeezed {
-            // Before the words, which may be cut short.
-            if ui.small_button("Show where").on_hover_text(WHERE).clicked() {
-                self.ask(Request::ShowSqueezed);
+        let all = [(squeezed, IS_SQUEEZED), (cut_off.map(warn), CUT_OFF), (left.map(warn), STAY_BEHIND)];
+        for (one, means) in all {
+            if let Some(one) = one {
+                ui.add(egui::Label::new(one).truncate()).on_hover_text(means);
             }
-            ui.add(egui::Label::new(squeezed).truncate()).on_hover_text(WHERE);
         }
-        for (other, means) in others {
-            if let Some(other) = other {
-                ui.add(egui::Label::new(other).truncate()).on_hover_text(means);
-            }
+    }
+
+    /// A button that shows what is squeezed most, wherever something has moved.
+    pub(crate) fn show_squeezed(&mut self, ui: &mut Ui) {
+        let has_moved = self.shown.figures().is_some_and(|figures| figures.largest_mm > GONE);
+        if has_moved && ui.small_button("Show most squeezed").on_hover_text(WHERE).clicked() {
+            self.ask(Request::ShowSqueezed);
         }
     }
 

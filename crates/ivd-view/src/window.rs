@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui, UiBuilder};
-use ivd_frames::{Pane, Request, Source, Tool};
+use ivd_frames::{Figures, Pane, Request, Source, Tool};
 
 use crate::again::{Before, Making, Seen};
 use crate::awaited::Awaited;
@@ -58,6 +58,8 @@ pub struct Window {
     pub(crate) before: Option<Before>,
     /// How it was opened before it was made otherwise.
     pub(crate) previous: Option<Box<AsBefore>>,
+    /// What was told of what is made again, until it is there.
+    pub(crate) meanwhile: Option<Figures>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.
@@ -114,6 +116,7 @@ impl Window {
             making: None,
             before: None,
             previous: None,
+            meanwhile: None,
             seen: Seen::default(),
             typed: Typed::default(),
             selected: None,
@@ -140,7 +143,7 @@ impl Window {
     }
 
     /// What is told beside the pictures, once there are some.
-    pub fn figures(&self) -> Option<&ivd_frames::Figures> {
+    pub fn figures(&self) -> Option<&Figures> {
         self.shown.figures()
     }
 

@@ -13,8 +13,8 @@ use crate::overlay::tinted;
 use crate::panes::Seen;
 use crate::{Compared, Error, Overlay, Pane, ShownBy, Shows};
 
-/// How much of its grey what is taken away has in red, green and blue.
-const TAKEN: [f64; 3] = [0.25, 0.3, 0.45];
+/// How much of its grey what is taken away has: of no colour, as colours over slices mean something.
+const TAKEN: f64 = 0.3;
 
 impl Model {
     /// Shows another state of the body, or divides the pictures elsewhere.
@@ -214,5 +214,5 @@ fn differ(one: &Volume, other: &Volume, voxel: [usize; 3]) -> bool {
 
 /// What is taken away, as slices show it.
 fn taken(grey: u8) -> [u8; 3] {
-    TAKEN.map(|share| (share * f64::from(grey)).round() as u8)
+    [(TAKEN * f64::from(grey)).round() as u8; 3]
 }

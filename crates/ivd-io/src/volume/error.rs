@@ -80,7 +80,33 @@ pub enum Error {
         problem: String,
         /// How to choose.
         remedy: String,
+        /// What there is to choose from, where a person may be asked.
+        offer: Option<Offer>,
     },
+}
+
+/// What else would be read, for whoever can ask a person: each is a field of [`ReadOptions`](crate::volume::ReadOptions).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Offer {
+    /// `frame`: one of so many, from 0.
+    Frames(usize),
+    /// `series`: one of several.
+    Series(Vec<OfferedSeries>),
+    /// `resample_slices`.
+    EvenSlices,
+}
+
+/// A series that there is to choose.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OfferedSeries {
+    /// What chooses it.
+    pub series: String,
+    /// What it is, without anything that names its patient.
+    pub told: String,
+    /// Images.
+    pub slices: usize,
+    /// Whether it is one of plain slices.
+    pub is_readable: bool,
 }
 
 impl Classified for Error {
@@ -143,6 +169,22 @@ impl Error {
     }
 
     pub(crate) fn choice(path: &Path, problem: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self::Choice { path: path.to_owned(), problem: problem.into(), remedy: remedy.into() }
+        Self::Choice { path: path.to_owned(), problem: problem.into(), remedy: remedy.into(), offer: None }
+    }
+
+    /// The same with what there is to choose from.
+    pub(crate) fn offering(mut self, what: Offer) -> Self {
+        if let Self::Choice { offer, .. } = &mut self {
+            *offer = Some(what);
+        }
+        self
+    }
+
+    /// What there is to choose from, where that would help.
+    pub fn offer(&self) -> Option<&Offer> {
+        match self {
+            Self::Choice { offer, .. } => offer.as_ref(),
+            _ => None,
+        }
     }
 }

@@ -1,18 +1,17 @@
 use std::path::Path;
 
-use crate::volume::Error;
 use crate::volume::stored::FileType;
+use crate::volume::{Error, Offer};
 
 /// The frame to read of a file with `frames` of them; `field` is where the file says so.
 pub(crate) fn choose(path: &Path, field: &str, frames: usize, chosen: Option<usize>) -> Result<usize, Error> {
     let remedy = || format!("choose one of 0 to {} with --frame, or input.frame of a scene", frames - 1);
+    let offered = |problem| Error::choice(path, problem, remedy()).offering(Offer::Frames(frames));
     match chosen {
         Some(frame) if frame < frames => Ok(frame),
-        Some(frame) => {
-            Err(Error::choice(path, format!("there is no frame {frame}: {field} says {frames}"), remedy()))
-        }
+        Some(frame) => Err(offered(format!("there is no frame {frame}: {field} says {frames}"))),
         None if frames == 1 => Ok(0),
-        None => Err(Error::choice(path, format!("{frames} frames ({field})"), remedy())),
+        None => Err(offered(format!("{frames} frames ({field})"))),
     }
 }
 

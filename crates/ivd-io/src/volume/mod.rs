@@ -32,7 +32,7 @@ mod write;
 
 pub use crate::order::ByteOrder;
 pub use axes::VoxelAxes;
-pub use error::Error;
+pub use error::{Error, Offer, OfferedSeries};
 pub use field::{FieldDirection, write_field};
 pub use given_field::{GivenField, read_field};
 pub use raw::RawLayout;

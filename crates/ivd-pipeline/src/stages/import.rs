@@ -89,9 +89,9 @@ impl Stage for Import {
 
     fn sources(&self) -> Result<Vec<PathBuf>, Error> {
         let ImportSource::File { path, options, grid_of } = &self.source else { return Ok(Vec::new()) };
-        let mut files = files_of(path, options)?;
+        let mut files = files_of(path, options).map_err(Error::of_scan(IMPORT))?;
         if let Some(other) = grid_of {
-            files.extend(files_of(other, &ReadOptions::default())?);
+            files.extend(files_of(other, &ReadOptions::default()).map_err(Error::in_stage(IMPORT))?);
         }
         Ok(files)
     }
@@ -106,7 +106,7 @@ impl Stage for Import {
                 of_artefact(path, options)?
             }
             ImportSource::File { path, options, .. } => {
-                ivd_io::volume::read(path, options, exec).map_err(Error::in_stage(IMPORT))?
+                ivd_io::volume::read(path, options, exec).map_err(Error::of_scan(IMPORT))?
             }
             ImportSource::Phantom(params) => {
                 // Generated bodies lie as scans do: x to the right, y to the front, z to the head.
@@ -125,11 +125,11 @@ impl Stage for Import {
 }
 
 /// The files that a volume is read from.
-fn files_of(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, Error> {
+fn files_of(path: &Path, options: &ReadOptions) -> Result<Vec<PathBuf>, ivd_io::volume::Error> {
     if ivd_artefact::is_artefact(path) {
         return Ok(vec![path.to_owned()]);
     }
-    ivd_io::volume::sources(path, options).map_err(Error::in_stage(IMPORT))
+    ivd_io::volume::sources(path, options)
 }
 
 /// The volume of an artefact, which says itself how it is laid out.

@@ -45,6 +45,30 @@ fn what_cannot_be_opened_is_told_with_what_to_do() {
 }
 
 #[test]
+fn one_of_several_frames_is_asked_for() {
+    let folder = folder();
+    let file = folder.path().join("scan.nii");
+    export(&Artefact::Volume(ball(folder.path())), &file);
+    let mut bytes = std::fs::read(&file).unwrap();
+    // The number of axes, and how long the fourth is; a second frame follows, with other values.
+    for (at, value) in [(40, 4_i16), (48, 2)] {
+        bytes[at..at + 2].copy_from_slice(&value.to_le_bytes());
+    }
+    let offset = f32::from_le_bytes(bytes[108..112].try_into().unwrap()) as usize;
+    let second: Vec<u8> = bytes[offset..].iter().map(|byte| byte / 2).collect();
+    bytes.extend(second);
+    std::fs::write(&file, bytes).unwrap();
+    let mut here = Here::new(folder, Some(Source { file: Some(file), ..Source::default() }), None);
+    here.until("it is asked", |here| here.has("A file with several volumes"));
+    tab_to(&mut here, "Frame, 0 to 1");
+    typed(&mut here, "1");
+    here.press("Open this frame");
+    here.settle();
+    let value = here.figures().cross_value.unwrap();
+    assert!(value > 0.0 && value <= 128.0, "{value} where the first frame has about 255");
+}
+
+#[test]
 fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     let folder = folder();
     let file = folder.path().join("scan.nii.gz");

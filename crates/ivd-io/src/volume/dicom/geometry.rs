@@ -4,7 +4,7 @@ use ivd_core::{Exec, Grid};
 use nalgebra::Vector3;
 
 use super::header::Slice;
-use crate::volume::{Error, bounded, orientation};
+use crate::volume::{Error, Offer, bounded, orientation};
 
 /// Largest deviation of a gap between slices from the usual one, as a part of it, …
 const GAP_PART: f64 = 0.01;
@@ -204,7 +204,7 @@ fn even_layers(
             );
             let remedy = "add the slice, or have even spacing interpolated with --resample-slices (in a scene: \
                           input.resample_slices = true)";
-            return Err(Error::choice(path, problem, remedy));
+            return Err(Error::choice(path, problem, remedy).offering(Offer::EvenSlices));
         }
         uneven |= (gap - usual).abs() > tolerance;
         worst = worst.max((gap - usual).abs());

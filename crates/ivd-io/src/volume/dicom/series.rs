@@ -7,12 +7,13 @@ use serde::Serialize;
 use super::geometry;
 use super::header::Slice;
 use super::syntax::printable;
-use crate::volume::Error;
+use crate::volume::{Error, Offer, OfferedSeries};
 
 /// The slices of the chosen series; of the only one where nothing is chosen.
 pub(super) fn choose(dir: &Path, slices: Vec<Slice>, wanted: Option<&str>) -> Result<Vec<Slice>, Error> {
     let mut series = by_uid(slices);
     let list = in_words(&series);
+    let offer = Offer::Series(series.iter().map(|(uid, slices)| offered(uid, slices)).collect());
     let fitting: Vec<String> = match wanted {
         None => series.keys().cloned().collect(),
         Some(wanted) => matching(&series, wanted),
@@ -23,14 +24,16 @@ pub(super) fn choose(dir: &Path, slices: Vec<Slice>, wanted: Option<&str>) -> Re
             dir,
             format!("no series is `{}`; there are: {list}", wanted.unwrap_or_default()),
             "choose one with --series",
-        )),
+        )
+        .offering(offer)),
         several => {
             let problem = format!("{} series fit: {list}", several.len());
             Err(Error::choice(
                 dir,
                 problem,
                 "choose one with --series and its UID, the start of it, or its number",
-            ))
+            )
+            .offering(offer))
         }
     }
 }
@@ -115,17 +118,32 @@ fn in_words(series: &BTreeMap<String, Vec<Slice>>) -> String {
     let lines: Vec<String> = series
         .iter()
         .map(|(uid, slices)| {
-            let Series { uid, number, modality, description, slices, size: [columns, rows], .. } =
-                Series::of(uid, slices, false);
-            let number = number.map_or("without number".into(), |n| format!("number {n}"));
-            let uid = if uid.is_empty() { "without UID".into() } else { uid };
-            format!(
-                "{uid} ({number}, {modality}, `{description}`, {} of {columns}×{rows})",
-                counted(slices, "slice", "slices")
-            )
+            let series = Series::of(uid, slices, false);
+            let uid = if series.uid.is_empty() { "without UID" } else { &series.uid };
+            format!("{uid} ({})", told(&series))
         })
         .collect();
     lines.join("; ")
+}
+
+/// What a series is, but for its UID.
+fn told(series: &Series) -> String {
+    let Series { number, modality, description, slices, size: [columns, rows], .. } = series;
+    let number = number.map_or("without number".into(), |n| format!("number {n}"));
+    let slices = counted(*slices, "slice", "slices");
+    format!("{number}, {modality}, `{description}`, {slices} of {columns}×{rows}")
+}
+
+fn offered(uid: &str, slices: &[Slice]) -> OfferedSeries {
+    let series = Series::of(uid, slices, false);
+    let unreadable =
+        series.unreadable.map_or_else(String::new, |what| format!(": {what}, which can't be read"));
+    OfferedSeries {
+        series: uid.to_owned(),
+        told: told(&series) + &unreadable,
+        slices: slices.len(),
+        is_readable: series.unreadable.is_none(),
+    }
 }
 
 /// Refuses a series whose images differ in size or orientation.

@@ -6,6 +6,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::notes::Notes;
+use crate::volume::Offer;
 
 mod exported;
 mod made;
@@ -107,8 +108,13 @@ fn several_series_are_listed_without_the_patient_and_chosen() {
     assert_eq!(value("1.2.3").unwrap(), 7.0);
     assert_eq!(value("1.2.4").unwrap(), 8.0, "start of a UID");
     assert_eq!(value("6").unwrap(), 8.0, "number");
-    assert!(matches!(value("1.2").unwrap_err(), Error::Choice { .. }), "both start so");
-    assert!(value("9.9").unwrap_err().to_string().contains("no series is `9.9`"));
+    let unclear = value("1.2").unwrap_err();
+    let Some(Offer::Series(all)) = unclear.offer() else { panic!("both start so: {unclear}") };
+    let told: Vec<_> = all.iter().map(|one| (one.series.as_str(), one.slices, one.is_readable)).collect();
+    assert_eq!(told, [("1.2.3", 1, true), ("1.2.40", 1, true)]);
+    assert!(all[1].told.contains("number 6") && all.iter().all(|one| value(&one.series).is_ok()), "{all:?}");
+    let unknown = value("9.9").unwrap_err();
+    assert!(unknown.to_string().contains("no series is `9.9`") && unknown.offer() == unclear.offer());
     assert_eq!(sources(dir.path(), Some("6")).unwrap(), [dir.path().join("b")]);
 }
 
@@ -120,6 +126,7 @@ fn gaps_and_copies_are_errors_that_name_the_place() {
     }
     let message = complaint(&dir);
     assert!(message.contains("c and e are 6.0000 mm apart") && message.contains("missing"), "{message}");
+    assert_eq!(open(&dir).unwrap_err().offer(), Some(&Offer::EvenSlices));
     Made::new("1.2", [0.0, 0.0, 9.0]).save(&dir, "d");
     assert_eq!(open(&dir).unwrap().grid().dims()[2], 5);
     Made::new("1.2", [0.0, 0.0, 9.0]).save(&dir, "f");
