@@ -203,12 +203,17 @@ fn by_visibility(
     exec: &Exec,
 ) -> Result<Fit, Error> {
     let bins = SampleBins::new(mix, reduced, exec)?;
-    let bundle = rays::cast(reduced, mix, &bins, params.views, exec)?;
     let materials: Vec<usize> = (0..mix.classes.len()).filter(|&c| mix.roles[c] == Role::Material).collect();
     let bounds = Bounds {
         least: params.min_opacity,
         most: params.max_opacity,
         reference_mm: reference_mm(volume.grid()),
     };
+    // Samples are most of what is held meanwhile.
+    if bins.len() <= 1 << 16 {
+        let bundle = rays::cast::<u16>(reduced, mix, &bins, params.views, exec)?;
+        return fit(&bundle, &bins, mix.classes.len(), &materials, &bounds, exec);
+    }
+    let bundle = rays::cast::<u32>(reduced, mix, &bins, params.views, exec)?;
     fit(&bundle, &bins, mix.classes.len(), &materials, &bounds, exec)
 }

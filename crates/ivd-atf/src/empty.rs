@@ -32,7 +32,7 @@ impl EmptyBricks {
             for z in z.start.saturating_sub(1)..z.end {
                 for y in 0..reduced.dims[1] {
                     let row = reduced.row(y, z);
-                    for (x, (&level, &rank)) in row.iter().zip(reduced.ranks(y, z)).enumerate() {
+                    for (x, (&level, rank)) in row.iter().zip(reduced.ranks(y, z)).enumerate() {
                         if level == MISSING {
                             continue;
                         }

@@ -35,11 +35,40 @@ pub(crate) struct Ray {
     pub(crate) meets_data: bool,
 }
 
+/// Number of a kind of samples: by two bytes where there aren't more kinds than that.
+pub(crate) trait Kind: Copy + Send + Sync {
+    fn of(kind: u32) -> Self;
+    fn place(self) -> usize;
+}
+
+impl Kind for u16 {
+    #[inline]
+    fn of(kind: u32) -> Self {
+        kind as u16
+    }
+
+    #[inline]
+    fn place(self) -> usize {
+        usize::from(self)
+    }
+}
+
+impl Kind for u32 {
+    #[inline]
+    fn of(kind: u32) -> Self {
+        kind
+    }
+
+    #[inline]
+    fn place(self) -> usize {
+        self as usize
+    }
+}
+
 /// Samples of a row of rays.
-#[derive(Default)]
-pub(crate) struct RayRow {
+pub(crate) struct RayRow<K> {
     /// Kinds of the samples that aren't clear whatever the opacities, ray after ray, front to back.
-    pub(crate) kinds: Vec<u32>,
+    pub(crate) kinds: Vec<K>,
     pub(crate) rays: Vec<Ray>,
     /// Which of [`Bundle::step_mm`] is the distance of the samples.
     pub(crate) step: usize,
@@ -47,35 +76,37 @@ pub(crate) struct RayRow {
     pub(crate) is_both_ways: bool,
 }
 
-impl RayRow {
+impl<K> RayRow<K> {
     /// The rays with the kinds of their samples.
-    pub(crate) fn each(&self) -> impl Iterator<Item = (Ray, &[u32])> {
+    pub(crate) fn each(&self) -> impl Iterator<Item = (Ray, &[K])> {
         let starts = std::iter::once(0).chain(self.rays.iter().map(|ray| ray.end as usize));
         starts.zip(&self.rays).map(|(start, &ray)| (ray, &self.kinds[start..ray.end as usize]))
     }
 }
 
 /// All rays, and the different distances of their samples (mm).
-pub(crate) struct Bundle {
-    pub(crate) rows: Vec<RayRow>,
+pub(crate) struct Bundle<K> {
+    pub(crate) rows: Vec<RayRow<K>>,
     pub(crate) step_mm: Vec<f64>,
 }
 
 /// Casts rays along the first `views` directions, a sample every voxel or so, values interpolated between voxels and labels those of the nearest.
-pub(crate) fn cast(
+///
+/// `K` has room for the number of every kind.
+pub(crate) fn cast<K: Kind>(
     reduced: &Reduced<'_>,
     mix: &Mix<'_>,
     bins: &SampleBins,
     views: usize,
     exec: &Exec,
-) -> Result<Bundle, Error> {
+) -> Result<Bundle<K>, Error> {
     let across = reduced.dims.into_iter().max().unwrap_or(1).clamp(LEAST_ACROSS, MOST_ACROSS);
     let extents = (0..3).map(|a| reduced.dims[a] as f64 * reduced.spacing[a]);
     let apart = extents.fold(0.0, f64::max) / across as f64;
     let directions = AXES.into_iter().chain(DIAGONALS).zip((0..views).step_by(2));
     let views: Vec<View> = directions.map(|(d, i)| View::new(d, i + 1 < views, reduced, apart)).collect();
     let samples: usize = views.iter().map(|view| view.samples * view.rays[0] * view.rays[1]).sum();
-    exec.check_memory("samples on rays", 4 * samples as u64)?;
+    exec.check_memory("samples on rays", (size_of::<K>() * samples) as u64)?;
     let rows: Vec<(&View, usize)> =
         views.iter().flat_map(|view| (0..view.rays[1]).map(move |v| (view, v))).collect();
     let mut step_mm: Vec<f64> = views.iter().map(|view| view.step_mm).collect();
@@ -96,7 +127,8 @@ pub(crate) fn cast(
         exec.check_cancelled()?;
         let (view, v) = rows[i];
         let step = step_mm.iter().position(|&mm| mm == view.step_mm).expect("each view's step is listed");
-        let mut row = RayRow { step, is_both_ways: view.is_both_ways, ..RayRow::default() };
+        let (kinds, rays, is_both_ways) = (Vec::new(), Vec::new(), view.is_both_ways);
+        let mut row = RayRow { kinds, rays, step, is_both_ways };
         (0..view.rays[0]).for_each(|u| caster.ray(view, view.start([u, v]), &mut row));
         row.kinds.shrink_to_fit();
         Ok::<_, Error>(row)
@@ -180,7 +212,7 @@ struct Caster<'a> {
 }
 
 impl Caster<'_> {
-    fn ray(&self, view: &View, start: Vector3<f32>, rays: &mut RayRow) {
+    fn ray<K: Kind>(&self, view: &View, start: Vector3<f32>, rays: &mut RayRow<K>) {
         let (dims, step) = (self.reduced.dims.map(|n| n as f32), view.step);
         // Steps at which the ray enters and leaves the volume.
         let [mut enter, mut leave] = [0.0_f32, f32::MAX];
@@ -221,7 +253,7 @@ impl Caster<'_> {
     }
 
     #[inline]
-    fn sample(&self, p: [f32; 3], ray: &mut Ray, kinds: &mut Vec<u32>) {
+    fn sample<K: Kind>(&self, p: [f32; 3], ray: &mut Ray, kinds: &mut Vec<K>) {
         let Some(level) = self.level(p) else { return };
         ray.meets_data = true;
         let mut row = 0;
@@ -240,7 +272,7 @@ impl Caster<'_> {
         }
         let kind = self.bins.kind(row, (level + 0.5) as u16);
         if self.is_visible[kind as usize] {
-            kinds.push(kind);
+            kinds.push(K::of(kind));
         }
     }
 

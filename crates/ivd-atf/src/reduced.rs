@@ -27,7 +27,7 @@ pub(crate) struct Reduced<'a> {
     pub(crate) voxel_spacing: [f64; 3],
     /// Level of every sample, x fastest.
     pub(crate) levels: Vec<u16>,
-    /// Place of each sample's class in the order of means.
+    /// Place of each sample's class in the order of means; none are held where every voxel is a sample.
     ranks: Vec<u16>,
     /// Range of the real values: level 0 and [`MAX_LEVEL`].
     pub(crate) range: [f64; 2],
@@ -52,7 +52,8 @@ impl<'a> Reduced<'a> {
         let voxel_spacing = volume.grid().spacing();
         let spacing = std::array::from_fn(|a| voxel_spacing[a] * full[a] as f64 / dims[a] as f64);
         let samples = dims.iter().product::<usize>();
-        exec.check_memory("levels and classes of the voxels", 4 * samples as u64)?;
+        let ranked = if dims == full { 0 } else { samples };
+        exec.check_memory("levels and classes of the voxels", 2 * (samples + ranked) as u64)?;
         let ids = labels.ids();
         let mut reduced = Self {
             dims,
@@ -66,7 +67,7 @@ impl<'a> Reduced<'a> {
             ids,
             rank_of_label,
         };
-        let (mut levels, mut ranks) = (vec![MISSING; samples], vec![0; samples]);
+        let (mut levels, mut ranks) = (vec![MISSING; samples], vec![0; ranked]);
         let layer = dims[0] * dims[1];
         parallel::try_for_each_piece_mut(&mut levels, layer, &|z, layer: &mut [u16]| {
             exec.check_cancelled()?;
@@ -137,12 +138,13 @@ impl<'a> Reduced<'a> {
     /// Place of the class of a sample in the order of means.
     #[inline]
     pub(crate) fn rank(&self, [x, y, z]: [usize; 3]) -> u16 {
-        self.ranks[x + self.dims[0] * (y + self.dims[1] * z)]
+        let sample = x + self.dims[0] * (y + self.dims[1] * z);
+        if self.ranks.is_empty() { self.rank_at(sample) } else { self.ranks[sample] }
     }
 
     /// The same of a row of samples along x.
-    pub(crate) fn ranks(&self, y: usize, z: usize) -> &[u16] {
-        &self.ranks[self.dims[0] * (y + self.dims[1] * z)..][..self.dims[0]]
+    pub(crate) fn ranks(&self, y: usize, z: usize) -> impl Iterator<Item = u16> {
+        (0..self.dims[0]).map(move |x| self.rank([x, y, z]))
     }
 
     /// Levels of a row of samples along x.
@@ -165,11 +167,8 @@ impl<'a> Reduced<'a> {
         space
     }
 
-    /// Places of the classes of a row of voxels along x, likewise.
+    /// Places of the classes of a row of voxels along x; `space` is where they are put.
     pub(crate) fn voxel_ranks<'b>(&'b self, y: usize, z: usize, space: &'b mut Vec<u16>) -> &'b [u16] {
-        if self.dims == self.full {
-            return self.ranks(y, z);
-        }
         let start = self.full[0] * (y + self.full[1] * z);
         space.clear();
         space.extend((start..start + self.full[0]).map(|voxel| self.rank_at(voxel)));

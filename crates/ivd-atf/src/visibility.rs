@@ -4,7 +4,7 @@ use ivd_core::{Exec, Iteration, parallel};
 
 use crate::Error;
 use crate::bins::SampleBins;
-use crate::rays::{Bundle, Ray};
+use crate::rays::{Bundle, Kind, Ray};
 
 /// Opacity that materials start with.
 const START: f64 = 0.3;
@@ -75,8 +75,8 @@ const ASKED_OF_COVERAGE: f64 = 0.5;
 /// Targets go by coverage and by what lies in front, but for a least share of what is small. Where more than [`SILHOUETTE`] of the rays differ from the
 /// matter's silhouette, targets that go more by what lies in front are tried, and taken if they bring it nearer and no material loses the visibility that
 /// is asked for: of those that bring it within the bound the one that goes least by what lies in front, else the nearest.
-pub(crate) fn fit(
-    bundle: &Bundle,
+pub(crate) fn fit<K: Kind>(
+    bundle: &Bundle<K>,
     bins: &SampleBins,
     classes: usize,
     materials: &[usize],
@@ -121,15 +121,15 @@ pub(crate) fn fit(
 }
 
 /// What opacities are settled by.
-struct Seen<'a> {
-    bundle: &'a Bundle,
+struct Seen<'a, K> {
+    bundle: &'a Bundle<K>,
     bins: &'a SampleBins,
     steps: &'a [f64],
     materials: &'a [usize],
     bounds: &'a Bounds,
 }
 
-impl Seen<'_> {
+impl<K: Kind> Seen<'_, K> {
     /// In every round an opacity is multiplied by a power of target over visibility, until their divergence stops falling. `before`: rounds that were
     /// needed already.
     fn settle(&self, target: &[f64], mut opacity: Vec<f64>, before: u32, exec: &Exec) -> Result<Fit, Error> {
@@ -189,8 +189,8 @@ fn divergence(target: &[f64], visibility: &[f64], through: [f64; 2]) -> f64 {
 }
 
 /// Shares of the visibility when each material has the greatest opacity.
-fn in_front(
-    bundle: &Bundle,
+fn in_front<K: Kind>(
+    bundle: &Bundle<K>,
     bins: &SampleBins,
     coverage: &[f64],
     steps: &[f64],
@@ -254,8 +254,8 @@ fn targets(coverage: &[f64], proportions: &[f64], materials: &[usize]) -> Vec<f6
 }
 
 /// Composites all rays once; `steps`: lengths of a step, in reference lengths.
-fn visibility(
-    bundle: &Bundle,
+fn visibility<K: Kind>(
+    bundle: &Bundle<K>,
     bins: &SampleBins,
     opacity: &[f64],
     steps: &[f64],
@@ -318,11 +318,12 @@ fn visibility(
 const OPAQUE: f32 = 1e-3;
 
 /// A ray from front to back: `kinds` of its samples, and the opacity of each kind over a step.
-fn composite<'a>(ray: Ray, kinds: impl Iterator<Item = &'a u32>, step: &[f32], sums: &mut Sums) {
+fn composite<'a, K: Kind + 'a>(ray: Ray, kinds: impl Iterator<Item = &'a K>, step: &[f32], sums: &mut Sums) {
     let mut through = 1.0_f32;
-    for &kind in kinds {
-        let taken = through * step[kind as usize];
-        sums.visibility[kind as usize] += (taken * PARTS) as u64;
+    for kind in kinds {
+        let kind = kind.place();
+        let taken = through * step[kind];
+        sums.visibility[kind] += (taken * PARTS) as u64;
         through -= taken;
         if through < OPAQUE {
             break;
@@ -340,8 +341,8 @@ fn composite<'a>(ray: Ray, kinds: impl Iterator<Item = &'a u32>, step: &[f32], s
 
 /// Coverage: mean opacity of every class on the rays that meet matter, if it were the only one, with opacity `most`;
 /// `steps`: lengths of a step, in reference lengths.
-fn coverage(
-    bundle: &Bundle,
+fn coverage<K: Kind>(
+    bundle: &Bundle<K>,
     bins: &SampleBins,
     classes: usize,
     steps: &[f64],
@@ -358,7 +359,7 @@ fn coverage(
         let ways = 1 + u64::from(row.is_both_ways);
         let depth = depth * steps[row.step];
         for (_, kinds) in row.each().filter(|(ray, _)| ray.meets_matter) {
-            for &(k, share) in kinds.iter().flat_map(|&kind| bins.parts(kind as usize)) {
+            for &(k, share) in kinds.iter().flat_map(|&kind| bins.parts(kind.place())) {
                 let sum = &mut depths[usize::from(k)];
                 if *sum == 0.0 {
                     met.push(k);
