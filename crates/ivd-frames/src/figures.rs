@@ -208,6 +208,8 @@ pub struct Slice {
     pub slices: usize,
     /// Whether planes or boxes take something of it away.
     pub clipped: bool,
+    /// By how much it is turned out of the plane of the patient that it is named by (degrees), where that is known and is seen.
+    pub oblique: Option<f64>,
 }
 
 /// How stiff a class is.

@@ -1,25 +1,26 @@
 //! Colours over slices: how far what is seen has come, and how its volume has changed.
 
 use ivd_core::{Displacement, VoxelIndex};
-use ivd_render::scale::{BLUE_TO_RED, colour_at, rounded_up};
+use ivd_render::scale::{colour_at, rounded_up};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A volume that has changed by as many octaves, up or down, has the colour of an end of `BLUE_TO_RED`; from there on they go over into those of what
-/// hardly any matter does, ...
-const USUAL: f64 = 1.0;
-/// ... and are those from so many octaves on.
+/// Colours of changes of volume, by octaves, the same for what grows but red and yellow: what has changed by a few percent is blue or red already, what by
+/// more than any matter does is violet or yellow in the end.
+const SQUEEZED: [(f64, [u8; 3]); 4] =
+    [(0.0, [247, 247, 247]), (0.3, [90, 160, 235]), (1.0, [20, 70, 190]), (3.0, [170, 40, 220])];
+const STRETCHED: [(f64, [u8; 3]); 4] =
+    [(0.0, [247, 247, 247]), (0.3, [250, 140, 110]), (1.0, [190, 20, 40]), (3.0, [255, 215, 60])];
+/// Octaves at the end of their scale.
 const MOST: f64 = 3.0;
-/// What has an eighth of its volume left or less, and what has eight times as much or more: violet and yellow.
-const FAR: [[u8; 3]; 2] = [[170, 40, 220], [255, 215, 60]];
 /// How much of a pixel is its colour at most.
 const OPAQUE: f64 = 0.7;
 /// How much of a pixel is the colour of its class.
 const CLASS: f64 = 0.4;
 /// From this share of the scale on the colour of a motion is whole; before that it fades in.
 const WHOLE: f64 = 0.15;
-/// From so many octaves on that of a change is, whose first colours are next to white.
-const WHOLE_CHANGE: f64 = 0.6;
+/// From so many octaves on that of a change is.
+const WHOLE_CHANGE: f64 = 0.3;
 /// What is darker than this grey fades out: of air nobody asks where it has gone.
 const SEEN: f64 = 24.0;
 /// From dark to light, for any colour vision: a few of viridis (van der Walt and Smith 2015).
@@ -57,12 +58,12 @@ impl Overlay {
         match self {
             Self::Motion => {
                 let ends = [0.0, rounded_up(largest_mm.max(0.01))];
-                Some(Scale { ends, unit: "mm", goes_on: false, stops: &MOTION })
+                Some(Scale { ends, unit: "mm", goes_on: false })
             }
             // Squeezed is blue, and violet in the end; stretched is red, and yellow. Always the same, so that pictures can be compared.
             Self::Volume => {
                 let ends = [(-MOST).exp2(), MOST.exp2()];
-                Some(Scale { ends, unit: "times the volume", goes_on: true, stops: &BLUE_TO_RED })
+                Some(Scale { ends, unit: "times the volume", goes_on: true })
             }
             Self::Classes => None,
         }
@@ -125,7 +126,6 @@ pub struct Scale {
     pub unit: &'static str,
     /// Whether it is one of changes, by octaves: values go on beyond the ends, in the colours of the ends.
     goes_on: bool,
-    stops: &'static [[u8; 3]; 5],
 }
 
 impl Scale {
@@ -142,13 +142,14 @@ impl Scale {
     /// The colour at a share of the scale, 0 … 1; beyond its ends that of the end.
     pub fn colour(self, share: f64) -> [u8; 3] {
         if !self.goes_on {
-            return colour_at(self.stops, share);
+            return colour_at(&MOTION, share);
         }
-        let octaves = (2.0 * share - 1.0) * MOST;
-        let usual = colour_at(self.stops, 0.5 + 0.5 * octaves / USUAL);
-        let way = ((octaves.abs() - USUAL) / (MOST - USUAL)).clamp(0.0, 1.0);
-        let far = FAR[usize::from(octaves > 0.0)];
-        std::array::from_fn(|c| (f64::from(usual[c]) * (1.0 - way) + f64::from(far[c]) * way).round() as u8)
+        let octaves = (2.0 * share.clamp(0.0, 1.0) - 1.0) * MOST;
+        let stops = if octaves < 0.0 { SQUEEZED } else { STRETCHED };
+        let next = stops.iter().position(|(at, _)| *at >= octaves.abs()).unwrap_or(stops.len() - 1).max(1);
+        let [(from, first), (to, last)] = [stops[next - 1], stops[next]];
+        let way = (octaves.abs() - from) / (to - from);
+        std::array::from_fn(|c| (f64::from(first[c]) * (1.0 - way) + f64::from(last[c]) * way).round() as u8)
     }
 }
 
@@ -293,8 +294,9 @@ mod tests {
         let colours = |of: Overlay, shares: [f64; 2]| shares.map(|share| scale(of, 1.0).colour(share));
         assert_eq!(colours(Overlay::Motion, [-1.0, 0.0]), [MOTION[0]; 2]);
         // An octave is a sixth of the scale: half the volume, and twice as much.
-        assert_eq!(colours(Overlay::Volume, [1.0 / 3.0, 2.0 / 3.0]), [BLUE_TO_RED[0], BLUE_TO_RED[4]]);
-        assert_eq!(colours(Overlay::Volume, [-1.0, 2.0]), FAR);
+        assert_eq!(colours(Overlay::Volume, [1.0 / 3.0, 2.0 / 3.0]), [SQUEEZED[2].1, STRETCHED[2].1]);
+        assert_eq!(colours(Overlay::Volume, [-1.0, 2.0]), [SQUEEZED[3].1, STRETCHED[3].1]);
+        assert_eq!(colours(Overlay::Volume, [0.5, 0.5 + 1e-9]), [SQUEEZED[0].1; 2]);
         // What is squeezed more is never of the colour of what is squeezed less.
         let blue = (0..=40).map(|step| scale(Overlay::Volume, 1.0).colour(f64::from(step) / 80.0));
         let blue: Vec<_> = blue.collect();

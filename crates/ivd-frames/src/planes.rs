@@ -133,7 +133,18 @@ impl Planes {
                 slice: self.slice(plane, grid.dims()),
                 slices: grid.dims()[plane.cut()],
                 clipped: false,
+                oblique: oblique(grid, plane.cut()).filter(|degrees| *degrees >= OBLIQUE),
             }
         })
     }
+}
+
+/// Slices that are turned by less look as those of the patient's own planes (degrees).
+const OBLIQUE: f64 = 3.0;
+
+/// By how much slices across an axis of a grid are turned out of the nearest plane of the patient (degrees).
+fn oblique(grid: &Grid, cut: usize) -> Option<f64> {
+    let axes = grid.linear_part();
+    let normal = axes.column((cut + 1) % 3).cross(&axes.column((cut + 2) % 3)).normalize();
+    grid.in_patient().then(|| normal.amax().min(1.0).acos().to_degrees())
 }

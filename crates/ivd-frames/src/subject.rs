@@ -247,7 +247,7 @@ impl Subject {
 
     /// What was said of it, each with who said it, and what isn't shown of it.
     pub fn notes(&self) -> impl Iterator<Item = String> {
-        let who = if self.is_chosen { "chosen at opening" } else { "in this scene" };
+        let who = if self.is_chosen { "at opening" } else { "in this scene" };
         let plain = self.is_plain.then(|| PLAIN.to_owned());
         let unseen =
             (self.files.labels.is_some() && self.shown_by == ShownBy::Values).then(|| UNSEEN.to_owned());
@@ -308,8 +308,7 @@ fn part_of(volume: &Volume, figures: &Json) -> Option<String> {
     let millilitres = voxels * volume.grid().spacing().iter().product::<f64>() / 1000.0;
     let part = match (figures["class"].as_u64(), figures["lower"].as_f64()) {
         (Some(class), _) => format!("class {class}"),
-        // As many digits as tell values apart.
-        (None, Some(lower)) => format!("values of {} and more", lower as f32),
+        (None, Some(lower)) => format!("values of {} and more", five_digits(lower)),
         (None, None) => return None,
     };
     Some(format!(
@@ -340,6 +339,11 @@ fn longest_edge(grid: &Grid, level: u64) -> f64 {
 }
 
 /// A positive number with two digits that count.
+/// A number as it is told: as near as five digits come.
+pub fn five_digits(number: f64) -> f64 {
+    format!("{number:.4e}").parse().unwrap_or(number)
+}
+
 fn two_digits(number: f64) -> f64 {
     let text = format!("{number:.1e}");
     text.parse().unwrap_or(number)

@@ -77,7 +77,7 @@ pub const KEYS: [(&str, &str); 15] = [
     ("right, or the wheel", "zoom; in slices the wheel goes through them"),
     (
         "Handle",
-        "left: take hold of what is at the ring, the nearest vertex of the surface that is pointed at, and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis, N to in and out of the surface: with the hand where it is seen from the side, up for in where it faces you (which it is, is told); Esc cancels",
+        "left: take hold of what is at the ring, the nearest vertex of the surface that is pointed at, and drag; the wheel changes the radius meanwhile; X, Y, Z keep to an axis, N to straight in and out of the surface (where that faces you, up is in and down is out); Esc cancels",
     ),
     ("Pin", "left: hold what is there"),
     (

@@ -77,10 +77,11 @@ impl Window {
     /// Opens something in the place of what is open, does to it what was done, and shows it as it was seen.
     fn begin_again(&mut self, source: &Source, entries: Vec<Entry>, seen: Seen, context: &Context) {
         let left = self.work.take().and_then(|work| work.leave(entries.len()));
-        let meanwhile = self.shown.figures().cloned();
+        let meanwhile = self.shown.figures().cloned().map(|figures| (figures, self.notes.clone()));
+        let wish = self.wish.take();
         self.clear();
         self.begin(source, Begins::Again(entries, left, seen.sight), context);
-        self.meanwhile = meanwhile;
+        (self.meanwhile, self.wish) = (meanwhile, wish);
         self.seen = seen;
     }
 
@@ -104,6 +105,8 @@ impl Window {
     /// Something is shown that was made again: it looks as it did, how far handles have gone is told, and what couldn't be done again is asked about.
     pub(crate) fn made_again(&mut self, figures: &Figures) {
         let seen = std::mem::take(&mut self.seen);
+        // It is followed.
+        self.wish = None;
         for was in seen.classes {
             let is = figures.classes.iter().find(|class| class.id == was.id);
             let look = |class: &Class| (class.hidden, class.opacity, class.colour.clone());
@@ -121,7 +124,8 @@ impl Window {
         let level = seen.level.filter(|was| *was != figures.level);
         let level = level.map(|was| format!("its level is {}, {was} before", figures.level));
         let away = farthest(&seen.handles, &figures.handles);
-        let away = away.map(|away| format!("handles took vertices up to {away:.1} mm from where they were"));
+        let away = away
+            .map(|away| format!("handles took other vertices, up to {away:.1} mm from those that they had"));
         let differs: Vec<String> = [level, away].into_iter().flatten().collect();
         if !differs.is_empty() {
             let told = format!("Made again: {}", differs.join("; "));

@@ -18,7 +18,8 @@ const ALONG: &str = "Its volume, its values, and how much of the surface that is
 const BY_SPRINGS: &str = "By distance alone the surface is equally stiff everywhere. By springs each class has a stiffness of its own, and a press squeezes more, right at the handle. To go back, choose \"distance alone\" under \"Surface follows by\"";
 
 /// Where stiffness changes something.
-const SHOWS: &str = "Stiffness shows where two of them lie within a handle's reach, or where a force pulls.";
+const SHOWS: &str =
+    "Stiffness matters where two of them lie within a handle's reach, or where a handle pulls with a force.";
 
 /// What a transition is.
 const BETWEEN: &str = "Voxels where one kind of matter passes into another: their values are a mixture of both, and no matter of their own";
@@ -54,7 +55,11 @@ impl Window {
         }
         if !figures.transitions.is_empty() {
             let ids: Vec<String> = figures.transitions.iter().map(u16::to_string).collect();
-            let text = format!("Class {}: between others, and drawn as they are", ids.join(", "));
+            let known = figures.classes.iter().map(|class| class.of_surface).sum::<Option<f64>>();
+            let rest = known.map(|known| 1.0 - known).filter(|rest| *rest >= LEAST_TOLD);
+            let rest =
+                rest.map_or_else(String::new, |rest| format!("; {:.0} % of the surface", 100.0 * rest));
+            let text = format!("Class {}: between others, and drawn as they are{rest}", ids.join(", "));
             ui.weak(text).on_hover_text(BETWEEN);
         }
         self.matter_of_others(ui, figures);

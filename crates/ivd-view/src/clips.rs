@@ -12,7 +12,7 @@ use crate::window::Window;
 /// By how much a field changes when the pointer is dragged over it by a point (mm).
 const SPEED: f64 = 0.25;
 /// How planes and boxes differ from looking inside.
-const TAKEN: &str = "Planes and boxes cut slices, exports if asked to:";
+const TAKEN: &str = "Planes and boxes cut slices as well, and exports if you want:";
 /// Where planes and boxes lie.
 const STAY: &str =
     "Whether planes and boxes stay where they are as the body moves under them, or move with it";
@@ -39,7 +39,7 @@ impl Window {
         self.look_inside(ui, figures);
         ui.weak(TAKEN);
         ui.horizontal(|ui| {
-            ui.menu_button("Clip by a plane", |ui| self.clip_here(ui)).response.on_hover_text(
+            ui.menu_button("Clip by a plane …", |ui| self.clip_here(ui)).response.on_hover_text(
                 "A plane through the place where the slices meet; what lies on your side goes",
             );
             if ui.button("Keep a box").on_hover_text("What lies outside a box goes").clicked() {
@@ -95,7 +95,7 @@ impl Window {
         let way = normal[axis].signum();
         let there: f64 = (0..3).map(|a| (plane.point[a] - middle[a]) * way * normal[a]).sum();
         let sides = if figures.letters.is_some() { PATIENT } else { AXES };
-        let words = format!("mm from the middle, + is {}", sides[axis]);
+        let words = format!("mm from the scan's middle, + is {}", sides[axis]);
         ui.strong(format!("Plane {id} keeps the {}", side(normal, figures.letters.is_some())));
         let full = format!("Plane {id}");
         let mut at = self.value(&full, there);

@@ -165,7 +165,13 @@ impl Window {
     }
 
     /// Asks for a path to be typed.
-    pub(crate) fn ask_by_typing(&mut self, purpose: Purpose) {
+    pub(crate) fn ask_by_typing(&mut self, purpose: Purpose, context: &Context) {
+        // The field takes the keys from what was pressed.
+        context.memory_mut(|memory| {
+            if let Some(has_keys) = memory.focused() {
+                memory.surrender_focus(has_keys);
+            }
+        });
         self.dialog = Some(match purpose {
             Purpose::Open { .. } => Dialog::Open { path: self.folder_typed() },
             Purpose::Labels => Dialog::Labels { path: self.folder_typed() },
@@ -258,7 +264,7 @@ impl Dialog {
         match self {
             Self::Open { path } => {
                 ui.heading("Open");
-                ui.label("A scan (NIfTI, NRRD, MetaImage, TIFF, VTI, a folder of slices …), a scene (.toml), a log (.jsonl), or the word demo. A file that is dropped into the window is opened too.");
+                ui.label("A scan (NIfTI, NRRD, MetaImage, TIFF, VTI, a folder of DICOM files or other slices …), a scene (.toml), a log (.jsonl), or the word demo. A file that is dropped into the window is opened too.");
                 typed(ui, path, "Path", "Open", false)
             }
             Self::Labels { path } => {
@@ -297,7 +303,7 @@ impl Dialog {
             }
             Self::Unsaved(_) => {
                 ui.heading("What was done here is not saved");
-                ui.label("A scene keeps handles, pins, the cut, planes, bones, stiffness, level, how voxels follow, colours, rulers and what the slices show.");
+                ui.label("A scene keeps handles, pins, the cut, planes and boxes, bones, stiffness, level, how voxels follow, colours, rulers, and what is seen from where.");
                 choice(ui, "Save the scene …", Some("Throw it away"))
             }
             Self::Recover { left, .. } => {

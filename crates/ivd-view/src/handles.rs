@@ -84,7 +84,7 @@ impl Window {
             }
         });
         for one in figures.handles.iter().filter(|one| one.away_mm > AWAY) {
-            let text = format!("{}: {:.1} mm from where it was put", one.id, one.away_mm);
+            let text = format!("{}: {:.1} mm from where you put it", one.id, one.away_mm);
             ui.colored_label(ui.visuals().warn_fg_color, text).on_hover_text(VERTEX);
         }
         for one in &figures.handles {

@@ -1,7 +1,7 @@
 //! What the body is made of, and the same scan made otherwise.
 
 use egui::{CollapsingHeader, ComboBox, Key, TextEdit, Ui};
-use ivd_frames::{Figures, Made, Source};
+use ivd_frames::{Figures, Made, Source, five_digits};
 use ivd_pipeline::scene::Override;
 
 use crate::again::Making;
@@ -33,7 +33,7 @@ impl Wish {
         let above = made.between[0].filter(|_| made.is_above() && !made.is_body);
         let min_part = if made.min_part > 0.0 { made.min_part.to_string() } else { String::new() };
         // One that was found has more digits than a field has room for.
-        let above = above.map(|above| (above as f32).to_string());
+        let above = above.map(|above| five_digits(above).to_string());
         let iso = made.iso.map(|iso| iso.to_string()).or(above).unwrap_or_default();
         Self { iso, part: made.part.clone(), min_part }
     }
@@ -185,7 +185,7 @@ fn part_in_words(made: &Made, part: Option<&str>) -> String {
         (None, Some(class)) if made.part.is_none() => format!("found: class {class}"),
         (None, None) if made.is_body => "found: all but the background".to_owned(),
         (None, None) if made.is_above() => {
-            format!("values of {} and more", made.between[0].unwrap_or_default() as f32)
+            format!("values of {} and more", five_digits(made.between[0].unwrap_or_default()))
         }
         (None, _) => "all of the surface".to_owned(),
         (Some(rule @ ("densest" | "largest")), _) => format!("the {rule} class"),

@@ -150,7 +150,7 @@ impl Over<'_> {
             self.painter.arrow(from, end - from, Stroke::new(1.5, HANDLE.gamma_multiply(0.8)));
             self.write(end + way.normalized() * 9.0, Align2::CENTER_CENTER, "in", LETTERS, HANDLE);
         } else if self.pane == Pane::Volume {
-            self.write(at + vec2(8.0, 8.0), Align2::LEFT_TOP, "in: N, and up", LETTERS, HANDLE);
+            self.write(at + vec2(8.0, 8.0), Align2::LEFT_TOP, "N, then up: in", LETTERS, HANDLE);
         }
     }
 
@@ -372,7 +372,8 @@ impl Over<'_> {
         if let Some(slice) = self.pane.number().checked_sub(1).and_then(|n| Some(&self.shown.slices()?[n])) {
             let at = rect.left_bottom() + vec2(6.0, -4.0);
             let clipped = if slice.clipped { " · clipped" } else { "" };
-            let which = format!("{} / {}{clipped}", slice.slice + 1, slice.slices);
+            let oblique = slice.oblique.map_or_else(String::new, |by| format!(" · oblique by {by:.0}°"));
+            let which = format!("{} / {}{oblique}{clipped}", slice.slice + 1, slice.slices);
             self.write(at, Align2::LEFT_BOTTOM, which, LETTERS, TEXT);
         }
     }

@@ -286,7 +286,7 @@ impl Window {
         let refused = self.shown.figures().filter(|_| is_held).and_then(refusal);
         let is_past = |word: &&Word| word.stays && !is_held && self.can_stop();
         let Some(word) = refused.as_ref().or(self.word.as_ref().filter(|word| !is_past(word))) else {
-            self.warning(ui);
+            self.warning(ui, false);
             return;
         };
         let (ground, colour) = if word.is_problem { (PROBLEM, PROBLEM_TEXT) } else { (WORD, WORD_TEXT) };
@@ -304,7 +304,7 @@ impl Window {
                 line.on_hover_text(exactly);
             }
         });
-        self.warning(ui);
+        self.warning(ui, true);
         if let Some(map) = chosen {
             self.word = None;
             self.ask(Request::Map { map });

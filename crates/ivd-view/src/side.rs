@@ -43,6 +43,7 @@ impl Window {
             if meanwhile.is_some() {
                 ui.disable();
             }
+            let (meanwhile, noted) = meanwhile.unzip();
             if let Some(figures) = self.shown.figures().cloned().or(meanwhile) {
                 self.motion(ui, &figures);
                 ui.separator();
@@ -59,7 +60,7 @@ impl Window {
                 self.made_of(ui, &figures);
             }
             self.scroll_to_keys(ui);
-            let notes = self.notes.clone();
+            let notes = noted.unwrap_or_else(|| self.notes.clone());
             if !notes.is_empty() {
                 CollapsingHeader::new("Notes").default_open(true).show(ui, |ui| {
                     for note in notes {

@@ -66,12 +66,16 @@ impl Window {
 
     /// Whether there is something to be warned of.
     pub(crate) fn is_warned(&self) -> bool {
-        self.shown.figures().is_some_and(|figures| warned(figures).iter().any(Option::is_some))
+        self.shown.figures().is_some_and(|figures| warned(figures, true).iter().any(Option::is_some))
     }
 
     /// What is to be known before what is seen is trusted, above the line.
-    pub(crate) fn warning(&self, ui: &mut Ui) {
-        let Some([squeezed, left, cut_off]) = self.shown.figures().map(warned) else { return };
+    ///
+    /// - `in_short`: without what helps, where something else is told beside it.
+    pub(crate) fn warning(&self, ui: &mut Ui, in_short: bool) {
+        let Some([squeezed, left, cut_off]) = self.shown.figures().map(|told| warned(told, in_short)) else {
+            return;
+        };
         let warn = |text: String| egui::RichText::new(text).color(ui.visuals().warn_fg_color);
         let squeezed = squeezed.map(warn);
         let all = [(squeezed, IS_SQUEEZED), (cut_off.map(warn), CUT_OFF), (left.map(warn), STAY_BEHIND)];
@@ -187,15 +191,16 @@ fn told(figures: &Figures) -> String {
 }
 
 /// What is to be known before what is seen is trusted: how much is squeezed, how far voxels stay behind, and how far what moves leaves the scan.
-fn warned(figures: &Figures) -> [Option<String>; 3] {
+fn warned(figures: &Figures, in_short: bool) -> [Option<String>; 3] {
     // Springs squeeze more than any way that voxels follow by.
     let less = match (figures.solver, figures.map) {
+        _ if in_short => "",
         ("ring", "octree") => " (smoothest squeezes less)",
         ("ring", _) => "",
         _ => " (by distance alone it is squeezed less)",
     };
     let squeezed = (figures.min_det_j < SQUEEZED).then(|| {
-        format!("squeezed somewhere, to no less than {} % of its volume{less}", percent(figures.min_det_j))
+        format!("squeezed: at least {} % of its volume is left everywhere{less}", percent(figures.min_det_j))
     });
     let left = (figures.behind > BEHIND)
         .then(|| format!("voxels up to {:.1} mm behind the surface that is pulled", figures.left_mm));

@@ -154,7 +154,7 @@ impl Window {
         });
         match asked {
             Some(asked) => self.chooses = Some(asked),
-            None => self.ask_by_typing(purpose),
+            None => self.ask_by_typing(purpose, context),
         }
     }
 
@@ -169,7 +169,7 @@ impl Window {
         };
         self.chooses = None;
         match answer {
-            Err(purpose) => self.ask_by_typing(purpose),
+            Err(purpose) => self.ask_by_typing(purpose, context),
             Ok((Purpose::Open { .. }, Some(path))) => self.open(source(&path), context),
             Ok((Purpose::Labels, Some(path))) => self.open_labels(path, context),
             // What would be replaced was asked about there.

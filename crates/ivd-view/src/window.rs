@@ -58,8 +58,8 @@ pub struct Window {
     pub(crate) before: Option<Before>,
     /// How it was opened before it was made otherwise.
     pub(crate) previous: Option<Box<AsBefore>>,
-    /// What was told of what is made again, until it is there.
-    pub(crate) meanwhile: Option<Figures>,
+    /// What was told of what is made again, and what was noted, until it is there.
+    pub(crate) meanwhile: Option<(Figures, Vec<String>)>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.

@@ -320,7 +320,7 @@ function over(context, name, number, place, scale, canvas) {
   }
   if (name !== "volume") {
     const slice = shown.slices[number - 1];
-    context.fillText(`${slice.slice + 1} / ${slice.slices}${slice.clipped ? " · clipped" : ""}`, 6 * unit, canvas.height - 8 * unit);
+    context.fillText(`${slice.slice + 1} / ${slice.slices}${slice.oblique ? ` · oblique by ${Math.round(slice.oblique)}°` : ""}${slice.clipped ? " · clipped" : ""}`, 6 * unit, canvas.height - 8 * unit);
   }
   // A bar of a round length.
   const most = (0.25 * canvas.width) / scale, power = 10 ** Math.floor(Math.log10(most));

@@ -76,9 +76,7 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     let overrides = vec!["segment.k=3".parse().unwrap()];
     let mut here = Here::new(folder, Some(Source { file: Some(file), overrides, ..Source::default() }), None);
     here.settle();
-    for chosen in
-        ["chosen at opening: the part", "chosen at opening: the material", "chosen at opening: level"]
-    {
+    for chosen in ["at opening: the part", "at opening: the material", "at opening: level"] {
         assert!(here.has(chosen), "{chosen}");
     }
     // Made otherwise before anything was done there is nothing to lose.
@@ -374,7 +372,7 @@ fn a_scene_says_what_is_made_of_it_and_that_nothing_was_chosen() {
     ] {
         assert!(here.has(told), "{told}");
     }
-    assert!(!here.has("chosen at opening: "));
+    assert!(!here.has("at opening: "));
 }
 
 #[test]
