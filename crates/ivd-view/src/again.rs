@@ -105,8 +105,10 @@ impl Window {
     /// Something is shown that was made again: it looks as it did, how far handles have gone is told, and what couldn't be done again is asked about.
     pub(crate) fn made_again(&mut self, figures: &Figures) {
         let seen = std::mem::take(&mut self.seen);
-        // It is followed.
-        self.wish = None;
+        if self.meanwhile.take().is_some() {
+            // What was wished for is there.
+            self.wish = None;
+        }
         for was in seen.classes {
             let is = figures.classes.iter().find(|class| class.id == was.id);
             let look = |class: &Class| (class.hidden, class.opacity, class.colour.clone());

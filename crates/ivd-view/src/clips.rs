@@ -12,7 +12,7 @@ use crate::window::Window;
 /// By how much a field changes when the pointer is dragged over it by a point (mm).
 const SPEED: f64 = 0.25;
 /// How planes and boxes differ from looking inside.
-const TAKEN: &str = "Planes and boxes cut slices as well, and exports if you want:";
+const TAKEN: &str = "These cut slices too, and exports on request:";
 /// Where planes and boxes lie.
 const STAY: &str =
     "Whether planes and boxes stay where they are as the body moves under them, or move with it";
@@ -39,7 +39,8 @@ impl Window {
         self.look_inside(ui, figures);
         ui.weak(TAKEN);
         ui.horizontal(|ui| {
-            ui.menu_button("Clip by a plane …", |ui| self.clip_here(ui)).response.on_hover_text(
+            let menu = ui.menu_button("Clip by a plane …", |ui| self.clip_here(ui)).response;
+            menu.accessible_name("Clip by a plane").on_hover_text(
                 "A plane through the place where the slices meet; what lies on your side goes",
             );
             if ui.button("Keep a box").on_hover_text("What lies outside a box goes").clicked() {

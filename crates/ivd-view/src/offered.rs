@@ -42,11 +42,12 @@ impl Offered {
                 ui.heading("A file with several volumes");
                 ui.label(format!("It holds {count}, of which one is opened at a time."));
                 ui.horizontal(|ui| {
+                    ui.label("Frame");
                     let (name, last) = (format!("Frame, 0 to {}", count - 1), (count - 1) as f64);
                     let mut frame = self.chosen as f64;
                     number(ui, &name, &mut frame, 0, |field| field.range(0.0..=last).speed(0.1));
                     self.chosen = frame.round() as usize;
-                    ui.label(name);
+                    ui.weak(format!("0 to {}", count - 1));
                 });
             }
             Offer::Series(all) => {

@@ -39,7 +39,7 @@ impl Window {
             // Texts wrap; what can't be narrower is scrolled to.
             ui.set_max_width(width);
             // While it is made again the panel stays as it was, and where it was scrolled to.
-            let meanwhile = self.meanwhile.clone().filter(|_| self.shown.figures().is_none());
+            let meanwhile = self.meanwhile.clone();
             if meanwhile.is_some() {
                 ui.disable();
             }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use egui::Key;
-use egui_kittest::kittest::Queryable as _;
+use egui_kittest::kittest::{NodeT as _, Queryable as _};
 use ivd_artefact::Cache;
 use ivd_core::{Artefact, Exec, Labels, Volume};
 use ivd_frames::{Figures, ShownBy, Source, Subject, Tell};
@@ -115,6 +115,10 @@ fn a_bare_scan_shows_slices_first_and_says_what_was_chosen() {
     // Of all from a value on that is the value, and classes stay.
     tab_to(&mut here, "Value of the surface");
     typed(&mut here, "140");
+    here.until("it is made", |here| here.harness.state().figures().is_none());
+    // Meanwhile the list stays, out of use, with what was typed.
+    let value = here.harness.get_by_label("Value of the surface");
+    assert_eq!((value.value().as_deref(), value.accesskit_node().is_disabled()), (Some("140"), true));
     let is_so = |told: &Figures| told.made.between[0] == Some(140.0) && !told.made.is_body;
     here.told("another value", |told| is_so(told) && told.classes.first().is_some_and(|one| one.hidden));
 }
@@ -234,7 +238,7 @@ fn what_is_made_again_otherwise_keeps_what_was_done_to_it() {
     // Seen as it was, and how far the handle has gone is told.
     assert_eq!(told.sight(), was.sight());
     here.settle();
-    assert!(here.has("handles took vertices up to"));
+    assert!(here.has("handles took other vertices, up to"));
     // Looking at it is no step.
     here.harness.key_press(Key::Num1);
     here.told("seen from in front", |told| told.angles[0] == 0.0);
