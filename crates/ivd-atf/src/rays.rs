@@ -44,6 +44,7 @@ pub(crate) trait Kind: Copy + Send + Sync {
 impl Kind for u16 {
     #[inline]
     fn of(kind: u32) -> Self {
+        debug_assert!(u16::try_from(kind).is_ok(), "more kinds than two bytes tell");
         kind as u16
     }
 

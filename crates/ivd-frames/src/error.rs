@@ -43,8 +43,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// What else of the scan could be opened, where that would help.
-    pub fn offer(&self) -> Option<&Offer> {
+    /// What else of the scan could be opened, where that would help, and why.
+    pub fn offer(&self) -> Option<(&Offer, &str)> {
         match self {
             Self::Pipeline(error) => error.offer(),
             _ => None,

@@ -54,5 +54,5 @@ pub use save::File;
 pub use service::{Frame, Output, Picture, Service, TOO_MUCH};
 pub use sight::Sight;
 pub use source::{Opened, Source, demo_scene};
-pub use subject::{ShownBy, Subject, bare_scene, five_digits};
+pub use subject::{ShownBy, Subject, bare_scene, in_few_digits};
 pub use tools::{KEYS, NOTICE, Tool, WEIGHTS};

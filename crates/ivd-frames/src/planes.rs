@@ -2,6 +2,7 @@
 
 use ivd_core::{Grid, Image, Volume, VoxelCoord, VoxelIndex, World};
 use ivd_report::{Plane, planes};
+use nalgebra::Vector3;
 
 use crate::colours::Window;
 use crate::figures::Slice;
@@ -133,7 +134,7 @@ impl Planes {
                 slice: self.slice(plane, grid.dims()),
                 slices: grid.dims()[plane.cut()],
                 clipped: false,
-                oblique: oblique(grid, plane.cut()).filter(|degrees| *degrees >= OBLIQUE),
+                oblique: oblique(grid, plane, 2 - n).filter(|degrees| *degrees >= OBLIQUE),
             }
         })
     }
@@ -142,9 +143,27 @@ impl Planes {
 /// Slices that are turned by less look as those of the patient's own planes (degrees).
 const OBLIQUE: f64 = 3.0;
 
-/// By how much slices across an axis of a grid are turned out of the nearest plane of the patient (degrees).
-fn oblique(grid: &Grid, cut: usize) -> Option<f64> {
-    let axes = grid.linear_part();
-    let normal = axes.column((cut + 1) % 3).cross(&axes.column((cut + 2) % 3)).normalize();
-    grid.in_patient().then(|| normal.amax().min(1.0).acos().to_degrees())
+/// By how much slices are turned out of the plane that is square to an axis of the patient (degrees), where that is known.
+fn oblique(grid: &Grid, plane: &Plane, axis: usize) -> Option<f64> {
+    let [right, down] = plane.ways(grid).map(Vector3::from);
+    let normal = right.cross(&down).normalize();
+    grid.in_patient().then(|| normal[axis].abs().min(1.0).acos().to_degrees())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slices_say_how_far_they_are_turned_out_of_the_patients_planes() {
+        let (sin, cos) = 15.0_f64.to_radians().sin_cos();
+        // Turned about the axis from ear to ear: sagittal slices stay sagittal.
+        let tilted = [[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]];
+        let grid = Grid::new([8, 8, 8], [1.0, 1.0, 6.0], [0.0; 3], tilted).unwrap();
+        let told = |grid: &Grid| Planes::new(grid).told(grid).map(|slice| slice.oblique.map(f64::round));
+        assert_eq!(told(&grid), [Some(15.0), Some(15.0), None]);
+        assert_eq!(told(&grid.with_patient_space(false)), [None; 3], "nobody knows how it lies");
+        let straight = Grid::with_spacing([8, 8, 8], [1.0; 3]).unwrap();
+        assert_eq!(told(&straight), [None; 3]);
+    }
 }

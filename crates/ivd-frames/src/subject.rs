@@ -39,6 +39,9 @@ const VOXELS: f64 = 1.25;
 /// What the scene of a bare scan says beside its input.
 const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 
+/// More digits than these aren't a person's.
+const FEW_DIGITS: usize = 9;
+
 /// What isn't shown.
 const PLAIN: &str = "drawn without ambient occlusion and shadows, which the scene keeps";
 
@@ -308,7 +311,7 @@ fn part_of(volume: &Volume, figures: &Json) -> Option<String> {
     let millilitres = voxels * volume.grid().spacing().iter().product::<f64>() / 1000.0;
     let part = match (figures["class"].as_u64(), figures["lower"].as_f64()) {
         (Some(class), _) => format!("class {class}"),
-        (None, Some(lower)) => format!("values of {} and more", five_digits(lower)),
+        (None, Some(lower)) => format!("values of {} and more", in_few_digits(lower)),
         (None, None) => return None,
     };
     Some(format!(
@@ -338,12 +341,13 @@ fn longest_edge(grid: &Grid, level: u64) -> f64 {
     (EDGE * usual_radius(grid)).max(VOXELS * usual.max(grid.longest_edge()))
 }
 
-/// A positive number with two digits that count.
-/// A number as it is told: as near as five digits come.
-pub fn five_digits(number: f64) -> f64 {
-    format!("{number:.4e}").parse().unwrap_or(number)
+/// A number as it is told: as it is, where few digits say it, as those of what a person says; else as near as five digits come.
+pub fn in_few_digits(number: f64) -> f64 {
+    let digits = number.to_string().chars().filter(char::is_ascii_digit).count();
+    if digits <= FEW_DIGITS { number } else { format!("{number:.4e}").parse().unwrap_or(number) }
 }
 
+/// A positive number with two digits that count.
 fn two_digits(number: f64) -> f64 {
     let text = format!("{number:.1e}");
     text.parse().unwrap_or(number)

@@ -119,12 +119,12 @@ impl Error {
         move |error| Self::Stage { stage, class: error.error_class(), source: Box::new(error) }
     }
 
-    /// What else of its scan would be read, where that would help.
-    pub fn offer(&self) -> Option<&Offer> {
+    /// What else of its scan would be read, where that would help, and why.
+    pub fn offer(&self) -> Option<(&Offer, &str)> {
         match self {
             Self::Stage { source, .. } => source.downcast_ref::<OfScan>()?.0.offer(),
-            Self::OverMemory { source, .. } => source.offer(),
-            Self::Scene { .. }
+            Self::OverMemory { .. }
+            | Self::Scene { .. }
             | Self::WrongKind { .. }
             | Self::Artefact(_)
             | Self::Core(_)

@@ -1,6 +1,6 @@
 //! The same made otherwise: what was done to it is done again, and what can't be is asked about.
 
-use egui::Context;
+use egui::{Context, Popup};
 use ivd_frames::{Class, Entry, Figures, Request, Ruler, Shows, Sight, Source, Spot};
 
 use crate::dialogs::Dialog;
@@ -77,12 +77,29 @@ impl Window {
     /// Opens something in the place of what is open, does to it what was done, and shows it as it was seen.
     fn begin_again(&mut self, source: &Source, entries: Vec<Entry>, seen: Seen, context: &Context) {
         let left = self.work.take().and_then(|work| work.leave(entries.len()));
-        let meanwhile = self.shown.figures().cloned().map(|figures| (figures, self.notes.clone()));
+        let shown = self.shown.figures().cloned();
+        let meanwhile = shown.map(|figures| Meanwhile {
+            figures,
+            notes: self.notes.clone(),
+            extent_mm: self.extent_mm(),
+            selected: self.selected,
+            previous: self.previous.clone(),
+        });
         let wish = self.wish.take();
         self.clear();
         self.begin(source, Begins::Again(entries, left, seen.sight), context);
-        (self.meanwhile, self.wish) = (meanwhile, wish);
+        self.wish = wish;
+        self.goes_on_showing(meanwhile, context);
         self.seen = seen;
+    }
+
+    /// The list beside the pictures stays as it was, out of use, until something is there.
+    fn goes_on_showing(&mut self, meanwhile: Option<Meanwhile>, context: &Context) {
+        let Some(meanwhile) = meanwhile.filter(|_| self.work.is_some()) else { return };
+        // They would stay in use.
+        Popup::close_all(context);
+        (self.selected, self.previous) = (meanwhile.selected, meanwhile.previous.clone());
+        self.meanwhile = Some(meanwhile);
     }
 
     /// Opens what was open before the same was made otherwise.
@@ -92,12 +109,18 @@ impl Window {
     }
 
     /// Opens what was open before something that was to be made otherwise and has ended; whether there was something.
-    pub(crate) fn begin_as_before(&mut self, ended: Option<Work>, context: &Context) -> bool {
+    pub(crate) fn begin_as_before(
+        &mut self,
+        ended: Option<Work>,
+        meanwhile: Option<Meanwhile>,
+        context: &Context,
+    ) -> bool {
         let Some(work) = ended else { return false };
         let before = self.before.take().filter(|before| before.again == work.source);
         let left = work.close();
         let Some(Before { was, entries, seen, previous, .. }) = before else { return false };
         self.begin(&was.source, Begins::Again(entries, left, seen.sight), context);
+        self.goes_on_showing(meanwhile, context);
         (self.seen, self.previous) = (seen, previous);
         true
     }
@@ -188,6 +211,17 @@ fn farthest(before: &[Spot], after: &[Spot]) -> Option<f64> {
         Some((0..3).map(|a| (is.rest[a] - was.rest[a]).powi(2)).sum::<f64>().sqrt())
     };
     before.iter().filter_map(gone).reduce(f64::max).filter(|away| *away >= TOLD)
+}
+
+/// What goes on being shown of what is made again, until it is there.
+#[derive(Clone)]
+pub(crate) struct Meanwhile {
+    pub(crate) figures: Figures,
+    pub(crate) notes: Vec<String>,
+    /// Longest side of the scan.
+    pub(crate) extent_mm: f64,
+    selected: Option<u32>,
+    previous: Option<Box<AsBefore>>,
 }
 
 /// What is to be made as soon as it is known what was done.

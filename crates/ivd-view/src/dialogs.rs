@@ -348,7 +348,20 @@ impl Dialog {
             }
             Self::Offered(offered) => {
                 offered.show(ui);
-                either(ui, offered.does(), None, true)
+                let mut answer = Answer::None;
+                ui.horizontal(|ui| {
+                    let open = ui.add_enabled(offered.can_open(), egui::Button::new(offered.does()));
+                    if offered.is_likely() && ui.memory(|memory| memory.focused().is_none()) {
+                        open.request_focus();
+                    }
+                    if open.clicked() {
+                        answer = Answer::Do;
+                    }
+                    if ui.button("Cancel").clicked() {
+                        answer = Answer::Away;
+                    }
+                });
+                answer
             }
             Self::Problem { title, text } => {
                 ui.heading(*title);
@@ -400,10 +413,10 @@ fn typed(ui: &mut Ui, path: &mut String, name: &str, verb: &str, was_asked: bool
 
 /// Buttons for what is asked; with another there is a way out as well.
 fn choice(ui: &mut Ui, does: &str, other: Option<&str>) -> Answer {
-    either(ui, does, other, other.is_some())
+    either(ui, does, other, true)
 }
 
-/// Buttons for what is asked, for something else, and for a way out, where there are those.
+/// Buttons for what is asked, and for a way out where there is one.
 fn either(ui: &mut Ui, does: &str, other: Option<&str>, is_way_out: bool) -> Answer {
     let mut answer = Answer::None;
     ui.horizontal(|ui| {
@@ -414,7 +427,8 @@ fn either(ui: &mut Ui, does: &str, other: Option<&str>, is_way_out: bool) -> Ans
         if first.clicked() {
             answer = Answer::Do;
         }
-        if other.is_some_and(|other| ui.button(other).clicked()) {
+        let Some(other) = other else { return };
+        if ui.button(other).clicked() {
             answer = Answer::Other;
         }
         if is_way_out && ui.button("Cancel").clicked() {

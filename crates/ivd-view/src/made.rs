@@ -1,7 +1,7 @@
 //! What the body is made of, and the same scan made otherwise.
 
 use egui::{CollapsingHeader, ComboBox, Key, TextEdit, Ui};
-use ivd_frames::{Figures, Made, Source, five_digits};
+use ivd_frames::{Figures, Made, Source, in_few_digits};
 use ivd_pipeline::scene::Override;
 
 use crate::again::Making;
@@ -33,7 +33,7 @@ impl Wish {
         let above = made.between[0].filter(|_| made.is_above() && !made.is_body);
         let min_part = if made.min_part > 0.0 { made.min_part.to_string() } else { String::new() };
         // One that was found has more digits than a field has room for.
-        let above = above.map(|above| five_digits(above).to_string());
+        let above = above.map(|above| in_few_digits(above).to_string());
         let iso = made.iso.map(|iso| iso.to_string()).or(above).unwrap_or_default();
         Self { iso, part: made.part.clone(), min_part }
     }
@@ -185,7 +185,7 @@ fn part_in_words(made: &Made, part: Option<&str>) -> String {
         (None, Some(class)) if made.part.is_none() => format!("found: class {class}"),
         (None, None) if made.is_body => "found: all but the background".to_owned(),
         (None, None) if made.is_above() => {
-            format!("values of {} and more", five_digits(made.between[0].unwrap_or_default()))
+            format!("values of {} and more", in_few_digits(made.between[0].unwrap_or_default()))
         }
         (None, _) => "all of the surface".to_owned(),
         (Some(rule @ ("densest" | "largest")), _) => format!("the {rule} class"),
@@ -235,6 +235,9 @@ mod tests {
         );
         // Its value is from which on it is all, as it was said or found.
         assert_eq!(Wish::of(&above).iso, "61.5");
+        let shown = [100_012.0, -0.000_25, 898.746_748_594_379_4]
+            .map(|value| Wish::of(&Made { between: [Some(value), None], ..Made::default() }).iso);
+        assert_eq!(shown, ["100012", "-0.00025", "898.75"], "what was said in full, what was found in short");
         let found = Made { is_body: true, ..above };
         let denser = Wish { iso: "80".to_owned(), ..Wish::of(&found) };
         assert_eq!(said(&denser.source(&found, &Source::default()).unwrap()), ["boundary.above=80"]);

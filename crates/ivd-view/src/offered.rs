@@ -14,48 +14,62 @@ pub(crate) struct Offered {
     /// Why it can't be opened as it is.
     why: String,
     /// The frame, or the place of the series in its list.
-    chosen: usize,
+    chosen: Option<usize>,
 }
 
 impl Offered {
-    pub(crate) fn of(source: Source, offer: Offer, why: String) -> Self {
+    pub(crate) fn of(source: Source, offer: Offer, why: &str) -> Self {
         let chosen = match &offer {
-            // The others are often scouts.
-            Offer::Series(all) => largest(all),
-            Offer::Frames(_) | Offer::EvenSlices => 0,
+            // Smaller ones are often scouts. Where another was asked for none is as good.
+            Offer::Series { all, is_asked: false } => largest(all),
+            Offer::Series { .. } => None,
+            Offer::Frames(_) | Offer::EvenSlices => Some(0),
         };
-        Self { source, offer, why, chosen }
+        Self { source, offer, why: why.to_owned(), chosen }
     }
 
     /// What its button does.
     pub(crate) fn does(&self) -> &'static str {
         match self.offer {
             Offer::Frames(_) => "Open this frame",
-            Offer::Series(_) => "Open this series",
+            Offer::Series { .. } => "Open this series",
             Offer::EvenSlices => "Interpolate to even spacing",
         }
+    }
+
+    /// Whether something is chosen that can be opened.
+    pub(crate) fn can_open(&self) -> bool {
+        self.chosen.is_some()
+    }
+
+    /// Whether what is chosen is likely to be what is wanted. Whether a slice is missing is to be looked at.
+    pub(crate) fn is_likely(&self) -> bool {
+        self.can_open() && self.offer != Offer::EvenSlices
     }
 
     pub(crate) fn show(&mut self, ui: &mut Ui) {
         match &self.offer {
             Offer::Frames(count) => {
-                ui.heading("A file with several volumes");
-                ui.label(format!("It holds {count}, of which one is opened at a time."));
+                ui.heading("Which frame is to be opened?");
+                ui.label(self.why.as_str());
                 ui.horizontal(|ui| {
                     ui.label("Frame");
                     let (name, last) = (format!("Frame, 0 to {}", count - 1), (count - 1) as f64);
-                    let mut frame = self.chosen as f64;
+                    let mut frame = self.chosen.unwrap_or(0) as f64;
                     number(ui, &name, &mut frame, 0, |field| field.range(0.0..=last).speed(0.1));
-                    self.chosen = frame.round() as usize;
+                    self.chosen = Some(frame.round() as usize);
                     ui.weak(format!("0 to {}", count - 1));
                 });
             }
-            Offer::Series(all) => {
-                ui.heading("A folder with several series");
+            Offer::Series { all, is_asked } => {
+                ui.heading("Which series is to be opened?");
+                if *is_asked {
+                    ui.label("The one that was asked for isn't in this folder.");
+                }
                 ScrollArea::vertical().max_height(300.0).show(ui, |ui| {
                     for (place, one) in all.iter().enumerate() {
                         ui.add_enabled_ui(one.is_readable, |ui| {
-                            ui.radio_value(&mut self.chosen, place, one.told.as_str());
+                            ui.radio_value(&mut self.chosen, Some(place), one.told.as_str());
                         });
                     }
                 });
@@ -63,6 +77,9 @@ impl Offered {
             Offer::EvenSlices => {
                 ui.heading("Slices that aren't evenly spaced");
                 ui.label(self.why.as_str());
+                ui.label(
+                    "If a slice is missing, add it to the folder. What is interpolated was not measured.",
+                );
             }
         }
     }
@@ -70,9 +87,10 @@ impl Offered {
     /// The source with what was chosen.
     pub(crate) fn chosen(self) -> Source {
         let Self { mut source, offer, chosen, .. } = self;
+        let chosen = chosen.unwrap_or_default();
         let (key, value) = match &offer {
             Offer::Frames(_) => ("frame", (chosen as i64).into()),
-            Offer::Series(all) => ("series", all[chosen].series.as_str().into()),
+            Offer::Series { all, .. } => ("series", all[chosen].series.as_str().into()),
             Offer::EvenSlices => ("resample_slices", true.into()),
         };
         let path = vec!["input".to_owned(), key.to_owned()];
@@ -83,9 +101,9 @@ impl Offered {
 }
 
 /// The place of the series with most slices, of those that can be read.
-fn largest(all: &[OfferedSeries]) -> usize {
-    let slices = |one: &OfferedSeries| if one.is_readable { one.slices } else { 0 };
-    (0..all.len()).fold(0, |best, at| if slices(&all[at]) > slices(&all[best]) { at } else { best })
+fn largest(all: &[OfferedSeries]) -> Option<usize> {
+    let readable = (0..all.len()).filter(|&at| all[at].is_readable);
+    readable.reduce(|best, at| if all[at].slices > all[best].slices { at } else { best })
 }
 
 #[cfg(test)]
@@ -100,11 +118,20 @@ mod tests {
             slices,
             is_readable,
         };
-        let offer = Offer::Series(vec![one("1.2", 3, true), one("1.3", 90, false), one("1.40", 60, true)]);
+        let all = vec![one("2", 3, true), one("3", 90, false), one("40", 60, true)];
+        let series = |all: &[OfferedSeries], is_asked| {
+            let offer = Offer::Series { all: all.to_vec(), is_asked };
+            Offered::of(Source::default(), offer, "")
+        };
+        assert_eq!(series(&all, false).chosen, Some(2));
+        assert!(!series(&all, true).can_open(), "another was asked for");
+        assert!(!series(&all[1..2], false).can_open(), "there is none that can be read");
+        assert!(!Offered::of(Source::default(), Offer::EvenSlices, "").is_likely());
+        let offer = Offer::Series { all, is_asked: false };
         let said = ["input.series=1.2", "lattice.iso=40"].map(|text| text.parse().unwrap());
         let source = Source { overrides: said.into(), ..Source::default() };
-        let source = Offered::of(source, offer, String::new()).chosen();
+        let source = Offered::of(source, offer, "").chosen();
         let said = source.overrides.iter().map(|one| format!("{}={}", one.path.join("."), one.value));
-        assert_eq!(said.collect::<Vec<_>>(), ["lattice.iso=40", "input.series=\"1.40\""]);
+        assert_eq!(said.collect::<Vec<_>>(), ["lattice.iso=40", "input.series=\"40\""]);
     }
 }

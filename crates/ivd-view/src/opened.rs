@@ -20,6 +20,8 @@ use crate::work::{Begins, Work};
 impl Window {
     /// Opens something, after what would be lost was asked about.
     pub(crate) fn open(&mut self, source: Source, context: &Context) {
+        // What was offered of something else isn't asked about any more.
+        self.dialog.take_if(|dialog| matches!(dialog, Dialog::Offered(_)));
         if self.is_unsaved() {
             self.dialog = Some(Dialog::Unsaved(Then::Open(source)));
             return;

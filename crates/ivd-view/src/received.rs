@@ -241,6 +241,8 @@ impl Window {
         let had_frames = self.shown.figures().is_some();
         let left = self.work.take();
         let source = left.as_ref().map(|work| work.source.clone());
+        // What was open before is made again.
+        let meanwhile = self.meanwhile.take();
         self.clear();
         if had_frames {
             // Its log stays.
@@ -250,13 +252,13 @@ impl Window {
                 &format!("{error}. Open it once more to go on from its last step."),
             );
         } else if error.error_class() == ErrorClass::Cancelled {
-            let is_back = self.begin_as_before(left, context);
+            let is_back = self.begin_as_before(left, meanwhile, context);
             let back = if is_back { " It is opened as it was." } else { "" };
             self.say(format!("Opening was stopped.{back}"));
-        } else if self.begin_as_before(left, context) {
+        } else if self.begin_as_before(left, meanwhile, context) {
             self.failed("It can't be made so", &format!("{error}. It is opened as it was."));
-        } else if let Some((source, offer)) = source.zip(error.offer()) {
-            self.dialog = Some(Dialog::Offered(Offered::of(source, offer.clone(), error.to_string())));
+        } else if let Some((source, (offer, why))) = source.zip(error.offer()) {
+            self.dialog = Some(Dialog::Offered(Offered::of(source, offer.clone(), why)));
         } else {
             self.failed("This can't be opened", &error.to_string());
         }

@@ -43,7 +43,7 @@ impl Window {
             if meanwhile.is_some() {
                 ui.disable();
             }
-            let (meanwhile, noted) = meanwhile.unzip();
+            let (meanwhile, noted) = meanwhile.map(|of| (of.figures, of.notes)).unzip();
             if let Some(figures) = self.shown.figures().cloned().or(meanwhile) {
                 self.motion(ui, &figures);
                 ui.separator();
@@ -223,7 +223,8 @@ impl Window {
     /// The longest side of the scan (mm).
     pub(crate) fn extent_mm(&self) -> f64 {
         let slices = self.shown.slices();
-        slices.into_iter().flatten().flat_map(|slice| slice.extent_mm).fold(0.0, f64::max)
+        let longest = slices.into_iter().flatten().flat_map(|slice| slice.extent_mm).fold(0.0, f64::max);
+        self.meanwhile.as_ref().map_or(longest, |meanwhile| meanwhile.extent_mm)
     }
 }
 

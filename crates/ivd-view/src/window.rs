@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use egui::{CentralPanel, Color32, Context, Frame, Margin, Panel, Ui, UiBuilder};
 use ivd_frames::{Figures, Pane, Request, Source, Tool};
 
-use crate::again::{Before, Making, Seen};
+use crate::again::{Before, Making, Meanwhile, Seen};
 use crate::awaited::Awaited;
 use crate::dialogs::{Dialog, Then};
 use crate::gestures::Hands;
@@ -58,8 +58,8 @@ pub struct Window {
     pub(crate) before: Option<Before>,
     /// How it was opened before it was made otherwise.
     pub(crate) previous: Option<Box<AsBefore>>,
-    /// What was told of what is made again, and what was noted, until it is there.
-    pub(crate) meanwhile: Option<(Figures, Vec<String>)>,
+    /// What goes on being shown of what is made again.
+    pub(crate) meanwhile: Option<Meanwhile>,
     /// How what is made again is to be seen.
     pub(crate) seen: Seen,
     /// A handle that is typed.

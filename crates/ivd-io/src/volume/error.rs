@@ -90,8 +90,13 @@ pub enum Error {
 pub enum Offer {
     /// `frame`: one of so many, from 0.
     Frames(usize),
-    /// `series`: one of several.
-    Series(Vec<OfferedSeries>),
+    /// `series`: one of these.
+    Series {
+        /// All that there are.
+        all: Vec<OfferedSeries>,
+        /// Whether one was asked for that isn't there.
+        is_asked: bool,
+    },
     /// `resample_slices`.
     EvenSlices,
 }
@@ -105,7 +110,7 @@ pub struct OfferedSeries {
     pub told: String,
     /// Images.
     pub slices: usize,
-    /// Whether it is one of plain slices.
+    /// Whether it can be chosen, and is one of plain slices.
     pub is_readable: bool,
 }
 
@@ -180,10 +185,10 @@ impl Error {
         self
     }
 
-    /// What there is to choose from, where that would help.
-    pub fn offer(&self) -> Option<&Offer> {
+    /// What there is to choose from, where that would help, and why it has to be chosen.
+    pub fn offer(&self) -> Option<(&Offer, &str)> {
         match self {
-            Self::Choice { offer, .. } => offer.as_ref(),
+            Self::Choice { offer, problem, .. } => offer.as_ref().map(|offer| (offer, problem.as_str())),
             _ => None,
         }
     }

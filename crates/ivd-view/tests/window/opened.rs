@@ -44,28 +44,52 @@ fn what_cannot_be_opened_is_told_with_what_to_do() {
     assert!(here.has("missing.nii"));
 }
 
-#[test]
-fn one_of_several_frames_is_asked_for() {
-    let folder = folder();
-    let file = folder.path().join("scan.nii");
-    export(&Artefact::Volume(ball(folder.path())), &file);
-    let mut bytes = std::fs::read(&file).unwrap();
-    // The number of axes, and how long the fourth is; a second frame follows, with other values.
+/// A NIfTI file of two frames, of which the second has half the values.
+fn two_frames(volume: &Artefact, file: &Path) {
+    export(volume, file);
+    let mut bytes = std::fs::read(file).unwrap();
+    // The number of axes, and how long the fourth is.
     for (at, value) in [(40, 4_i16), (48, 2)] {
         bytes[at..at + 2].copy_from_slice(&value.to_le_bytes());
     }
     let offset = f32::from_le_bytes(bytes[108..112].try_into().unwrap()) as usize;
     let second: Vec<u8> = bytes[offset..].iter().map(|byte| byte / 2).collect();
     bytes.extend(second);
-    std::fs::write(&file, bytes).unwrap();
-    let mut here = Here::new(folder, Some(Source { file: Some(file), ..Source::default() }), None);
-    here.until("it is asked", |here| here.has("A file with several volumes"));
+    std::fs::write(file, bytes).unwrap();
+}
+
+#[test]
+fn one_of_several_frames_is_asked_for_and_stays_chosen() {
+    let folder = folder();
+    let file = folder.path().join("scan.nii");
+    two_frames(&Artefact::Volume(ball(folder.path())), &file);
+    let overrides = vec!["lattice.iso=60".parse().unwrap()];
+    let mut here = Here::new(folder, Some(Source { file: Some(file), overrides, ..Source::default() }), None);
+    here.until("it is asked", |here| here.has("Which frame is to be opened?"));
+    assert!(here.has("2 frames"), "why it is asked");
     tab_to(&mut here, "Frame, 0 to 1");
     typed(&mut here, "1");
     here.press("Open this frame");
     here.settle();
-    let value = here.figures().cross_value.unwrap();
-    assert!(value > 0.0 && value <= 128.0, "{value} where the first frame has about 255");
+    let is_second = |told: &Figures| told.cross_value.is_some_and(|value| value > 0.0 && value <= 128.0);
+    assert!(is_second(here.figures()), "{:?} where the first has about 255", here.figures().cross_value);
+    chosen(&mut here, "Which surface was found");
+    here.harness.run_ok();
+    type_into(&mut here, "Value of the surface", "70");
+    here.told("made again of the same frame", |told| told.made.iso == Some(70.0) && is_second(told));
+}
+
+#[test]
+fn frames_of_another_file_are_not_offered_as_the_scans() {
+    let folder = folder();
+    let [scan, labels] = ["scan.nii", "labels.nii"].map(|name| folder.path().join(name));
+    let volume = ball(folder.path());
+    export(&Artefact::Volume(volume.clone()), &scan);
+    two_frames(&Artefact::Volume(volume), &labels);
+    let source = Source { file: Some(scan), labels: Some(labels), ..Source::default() };
+    let mut here = Here::new(folder, Some(source), None);
+    here.until("why not", |here| here.has("This can't be opened"));
+    assert!(here.has("labels.nii: 2 frames"));
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::volume::{Error, Offer, OfferedSeries};
 pub(super) fn choose(dir: &Path, slices: Vec<Slice>, wanted: Option<&str>) -> Result<Vec<Slice>, Error> {
     let mut series = by_uid(slices);
     let list = in_words(&series);
-    let offer = Offer::Series(series.iter().map(|(uid, slices)| offered(uid, slices)).collect());
+    let offer = Offer::Series { all: offered(&series), is_asked: false };
     let fitting: Vec<String> = match wanted {
         None => series.keys().cloned().collect(),
         Some(wanted) => matching(&series, wanted),
@@ -25,7 +25,7 @@ pub(super) fn choose(dir: &Path, slices: Vec<Slice>, wanted: Option<&str>) -> Re
             format!("no series is `{}`; there are: {list}", wanted.unwrap_or_default()),
             "choose one with --series",
         )
-        .offering(offer)),
+        .offering(Offer::Series { all: offered(&series), is_asked: true })),
         several => {
             let problem = format!("{} series fit: {list}", several.len());
             Err(Error::choice(
@@ -100,7 +100,10 @@ impl Series {
 
 /// What the series of some slices are, in the order of their UIDs.
 pub(super) fn list(slices: Vec<Slice>) -> Vec<Series> {
-    let series = by_uid(slices);
+    listed(&by_uid(slices))
+}
+
+fn listed(series: &BTreeMap<String, Vec<Slice>>) -> Vec<Series> {
     let shared =
         |number: Option<i64>| series.values().filter(|slices| slices[0].series_number == number).count() > 1;
     series.iter().map(|(uid, slices)| Series::of(uid, slices, !shared(slices[0].series_number))).collect()
@@ -134,16 +137,25 @@ fn told(series: &Series) -> String {
     format!("{number}, {modality}, `{description}`, {slices} of {columns}×{rows}")
 }
 
-fn offered(uid: &str, slices: &[Slice]) -> OfferedSeries {
-    let series = Series::of(uid, slices, false);
-    let unreadable =
-        series.unreadable.map_or_else(String::new, |what| format!(": {what}, which can't be read"));
-    OfferedSeries {
-        series: uid.to_owned(),
-        told: told(&series) + &unreadable,
-        slices: slices.len(),
-        is_readable: series.unreadable.is_none(),
-    }
+/// All of them, each with what tells it from the others.
+fn offered(series: &BTreeMap<String, Vec<Slice>>) -> Vec<OfferedSeries> {
+    let all = listed(series);
+    let is_like = |one: &Series, other: &Series| one.uid != other.uid && told(one) == told(other);
+    let offer = |one: &Series| {
+        let twin = all.iter().any(|other| is_like(one, other));
+        let end: String = one.uid.chars().skip(one.uid.chars().count().saturating_sub(6)).collect();
+        let which = if twin { format!(", UID … {end}") } else { String::new() };
+        let unreadable = one.unreadable.map(|what| format!(": {what}, which can't be read"));
+        let nameless = one.series.is_empty().then(|| ": without a UID or a number of its own".to_owned());
+        let why_not = unreadable.or(nameless);
+        OfferedSeries {
+            series: one.series.clone(),
+            slices: one.slices,
+            is_readable: why_not.is_none(),
+            told: format!("{}{which}{}", told(one), why_not.unwrap_or_default()),
+        }
+    };
+    all.iter().map(offer).collect()
 }
 
 /// Refuses a series whose images differ in size or orientation.

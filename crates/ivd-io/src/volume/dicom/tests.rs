@@ -109,12 +109,18 @@ fn several_series_are_listed_without_the_patient_and_chosen() {
     assert_eq!(value("1.2.4").unwrap(), 8.0, "start of a UID");
     assert_eq!(value("6").unwrap(), 8.0, "number");
     let unclear = value("1.2").unwrap_err();
-    let Some(Offer::Series(all)) = unclear.offer() else { panic!("both start so: {unclear}") };
+    let Some((Offer::Series { all, is_asked: false }, _)) = unclear.offer() else {
+        panic!("both start so: {unclear}")
+    };
     let told: Vec<_> = all.iter().map(|one| (one.series.as_str(), one.slices, one.is_readable)).collect();
-    assert_eq!(told, [("1.2.3", 1, true), ("1.2.40", 1, true)]);
+    assert_eq!(told, [("5", 1, true), ("6", 1, true)], "a number of its own");
     assert!(all[1].told.contains("number 6") && all.iter().all(|one| value(&one.series).is_ok()), "{all:?}");
+    assert!(!all[1].told.contains("UID"), "{all:?}");
     let unknown = value("9.9").unwrap_err();
-    assert!(unknown.to_string().contains("no series is `9.9`") && unknown.offer() == unclear.offer());
+    let (offer, why) = unknown.offer().unwrap();
+    assert!(
+        why.contains("no series is `9.9`") && *offer == Offer::Series { all: all.clone(), is_asked: true }
+    );
     assert_eq!(sources(dir.path(), Some("6")).unwrap(), [dir.path().join("b")]);
 }
 
@@ -126,7 +132,7 @@ fn gaps_and_copies_are_errors_that_name_the_place() {
     }
     let message = complaint(&dir);
     assert!(message.contains("c and e are 6.0000 mm apart") && message.contains("missing"), "{message}");
-    assert_eq!(open(&dir).unwrap_err().offer(), Some(&Offer::EvenSlices));
+    assert_eq!(open(&dir).unwrap_err().offer().map(|(offer, _)| offer), Some(&Offer::EvenSlices));
     Made::new("1.2", [0.0, 0.0, 9.0]).save(&dir, "d");
     assert_eq!(open(&dir).unwrap().grid().dims()[2], 5);
     Made::new("1.2", [0.0, 0.0, 9.0]).save(&dir, "f");
