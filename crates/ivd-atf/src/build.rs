@@ -58,9 +58,13 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
         }
         let range = table_range(volume, &classes, whole);
         let reduced = Reduced::new(volume, labels, rank.clone(), range, MOST_ALONG, exec)?;
-        let structure = structure::measure(&reduced, classes.len(), least_noise(volume, &reduced), exec)?;
+        let least_noise = least_noise(volume, &reduced);
+        let structure = structure::measure(&reduced, classes.len(), least_noise, exec)?;
         let hounsfield = are_hounsfield(params.values, volume.modality(), whole);
-        let roles = roles(&classes, &structure, &reduced, hounsfield);
+        // What lies outside is told otherwise of these.
+        let is_told = hounsfield || are_chosen(&classes);
+        let apart = if is_told { None } else { structure::apart(&reduced, &structure, least_noise, exec)? };
+        let roles = roles(&classes, &structure, apart.as_ref(), &reduced, hounsfield);
         let gaussians = gaussians(&classes, &roles, labels, range, params);
         let mix = Mix::new(
             &classes,

@@ -90,6 +90,38 @@ impl<'a> Reduced<'a> {
         Ok(reduced)
     }
 
+    /// Every so many voxels along each axis, all of them held, as if there were no others.
+    pub(crate) fn strided(&self, stride: usize, exec: &Exec) -> Result<Self, Error> {
+        let dims = self.full.map(|n| n.div_ceil(stride));
+        let samples = dims.iter().product::<usize>();
+        exec.check_memory("voxels apart from each other", 4 * samples as u64)?;
+        let start = |row: usize| {
+            let [y, z] = [row % dims[1], row / dims[1]].map(|at| at * stride);
+            self.full[0] * (y + self.full[1] * z)
+        };
+        let (mut levels, mut ranks) = (vec![MISSING; samples], vec![0; samples]);
+        parallel::try_for_each_piece_mut(&mut levels, dims[0], &|row, levels: &mut [u16]| {
+            exec.check_cancelled()?;
+            self.fill(levels, |x| start(row) + stride * x);
+            Ok::<_, Error>(())
+        })?;
+        parallel::try_for_each_piece_mut(&mut ranks, dims[0], &|row, ranks: &mut [u16]| {
+            ranks.iter_mut().enumerate().for_each(|(x, rank)| *rank = self.rank_at(start(row) + stride * x));
+            Ok::<_, Error>(())
+        })?;
+        let apart = |mm: [f64; 3]| mm.map(|mm| mm * stride as f64);
+        Ok(Self {
+            dims,
+            full: dims,
+            spacing: apart(self.voxel_spacing),
+            voxel_spacing: apart(self.voxel_spacing),
+            levels,
+            ranks,
+            rank_of_label: self.rank_of_label.clone(),
+            ..*self
+        })
+    }
+
     /// Voxels on the volume's sides across each axis; none across one of one or two voxels.
     pub(crate) fn sides(&self) -> [u64; 3] {
         let [nx, ny, nz] = self.full.map(|n| n as u64);
@@ -169,8 +201,12 @@ impl<'a> Reduced<'a> {
 
     /// Places of the classes of a row of voxels along x; `space` is where they are put.
     pub(crate) fn voxel_ranks<'b>(&'b self, y: usize, z: usize, space: &'b mut Vec<u16>) -> &'b [u16] {
-        let start = self.full[0] * (y + self.full[1] * z);
         space.clear();
+        if self.dims == self.full {
+            space.extend(self.ranks(y, z));
+            return space;
+        }
+        let start = self.full[0] * (y + self.full[1] * z);
         space.extend((start..start + self.full[0]).map(|voxel| self.rank_at(voxel)));
         space
     }

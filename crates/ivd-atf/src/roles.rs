@@ -82,9 +82,12 @@ pub(crate) fn are_chosen(classes: &[ClassStatistics]) -> bool {
 ///
 /// Label 0 on voxels with data is background. Where the labels are a person's choice of parts, each of the others is a material, but for gas by its
 /// Hounsfield value.
+///
+/// - `apart`: the structure of voxels so far apart that noise is independent in them, where it isn't in neighbours.
 pub(crate) fn roles(
     classes: &[ClassStatistics],
     structure: &Structure,
+    apart: Option<&Structure>,
     reduced: &Reduced<'_>,
     hounsfield: bool,
 ) -> Vec<Role> {
@@ -95,7 +98,7 @@ pub(crate) fn roles(
         vec![false; classes.len()]
     } else {
         let is_joined = |outside: &[bool]| joined_share(reduced, |class| outside[class]) >= JOINED;
-        by_border(classes, structure, reduced.sides(), is_joined)
+        by_border(classes, [apart, Some(structure)], reduced.sides(), is_joined)
     };
     keep_one(&mut background, |class| classes[class].id != NO_DATA);
     if !is_chosen {
@@ -126,10 +129,11 @@ const MOST_OUTSIDE: usize = 16;
 /// The class with the largest share of the volume's sides, with those that noise splits it into, if it is joined to them, and every class on its far side
 /// from the bulk of the rest. Each axis counts as much as another: of a thin stack of slices, which cut through the body, most sides lie across one.
 ///
+/// - `structures`: by the first of these that tells something noise is looked for.
 /// - `sides`: voxels on those across each axis.
 fn by_border(
     classes: &[ClassStatistics],
-    structure: &Structure,
+    structures: [Option<&Structure>; 2],
     sides: [u64; 3],
     is_joined: impl Fn(&[bool]) -> bool,
 ) -> Vec<bool> {
@@ -138,18 +142,25 @@ fn by_border(
     let mut firsts: Vec<usize> = (0..classes.len()).filter(|&class| shares[class] > 0.0).collect();
     firsts.sort_by(|&a, &b| shares[b].total_cmp(&shares[a]));
     firsts.truncate(MOST_OUTSIDE);
-    let with_noise = |first: usize| {
-        let outside = mixture(structure, first);
-        let share: f64 = outside.iter().zip(&shares).filter(|(is, _)| **is).map(|(_, share)| share).sum();
-        (first, outside, share)
+    let share_of = |outside: &[bool]| -> f64 {
+        outside.iter().zip(&shares).filter(|(is, _)| **is).map(|(_, share)| share).sum()
     };
-    // Of several of one share the first.
-    let found = firsts.into_iter().map(with_noise).rev().max_by(|a, b| a.2.total_cmp(&b.2));
-    let Some((first, mut outside, _)) = found else { return nothing };
+    let largest = |structure: &Structure| {
+        let with_noise = firsts.iter().map(|&first| (first, mixture(structure, first)));
+        // Of several of one share the first.
+        with_noise.rev().max_by(|a, b| share_of(&a.1).total_cmp(&share_of(&b.1)))
+    };
+    let is_all = |outside: &[bool]| outside.iter().all(|is| *is);
+    let found: Vec<_> = structures.into_iter().flatten().filter_map(largest).collect();
+    let Some((first, mut outside)) =
+        found.iter().find(|(_, outside)| !is_all(outside)).or(found.last()).cloned()
+    else {
+        return nothing;
+    };
     let mut alone = nothing.clone();
     alone[first] = true;
     // Where all would be one noise, what is seen in it is told apart by its value alone.
-    if outside.iter().all(|is| *is) {
+    if is_all(&outside) {
         outside.clone_from(&alone);
     }
     if classes.len() < 2 || !(is_joined(&outside) || is_joined(&alone)) {
@@ -300,20 +311,27 @@ mod tests {
         let apart =
             |n: usize| Structure::of_faces(n, (0..n * n).map(|i| u64::from(i % (n + 1) == 0)).collect());
         let sides = [600; 3];
-        assert_eq!(by_border(&tooth, &apart(4), sides, |_| true), [true, true, false, false]);
+        assert_eq!(by_border(&tooth, [None, Some(&apart(4))], sides, |_| true), [true, true, false, false]);
         assert_eq!(
-            by_border(&tooth, &apart(4), sides, |_| false),
+            by_border(&tooth, [None, Some(&apart(4))], sides, |_| false),
             [false; 4],
             "it isn't joined to the outside"
         );
         let inverted = [class(10.0, 300, 5), class(90.0, 900, 500), class(99.0, 5, 0)];
-        assert_eq!(by_border(&inverted, &apart(3), sides, |_| true), [false, true, true]);
-        assert_eq!(by_border(&tooth[1..2], &apart(1), sides, |_| true), [false], "one class alone is seen");
+        assert_eq!(by_border(&inverted, [None, Some(&apart(3))], sides, |_| true), [false, true, true]);
+        assert_eq!(
+            by_border(&tooth[1..2], [None, Some(&apart(1))], sides, |_| true),
+            [false],
+            "one class alone is seen"
+        );
         // Few slices through a body: most of the sides are its own, across one axis.
         let mut slices = [class(8.0, 1000, 0), class(90.0, 900, 0), class(140.0, 100, 0)];
         (slices[0].on_sides, slices[1].on_sides, slices[2].on_sides) =
             ([50, 50, 400], [0, 0, 600], [0, 0, 100]);
-        assert_eq!(by_border(&slices, &apart(3), [50, 50, 1100], |_| true), [true, false, false]);
+        assert_eq!(
+            by_border(&slices, [None, Some(&apart(3))], [50, 50, 1100], |_| true),
+            [true, false, false]
+        );
     }
 
     #[test]
@@ -343,7 +361,10 @@ mod tests {
         assert_eq!(mixture(&with(vec![2500, 9, 0, 9, 0, 0, 0, 0, 50], 1.0), 0), [true, true, false]);
         // Where all is one mixture the class with most of the sides is the outside.
         let classes = [class(0.0, 100, 80), class(1.0, 50, 20), class(2.0, 50, 10)];
-        assert_eq!(by_border(&classes, &with(faces(true), 1.0), [100; 3], |_| true), [true, false, false]);
+        assert_eq!(
+            by_border(&classes, [None, Some(&with(faces(true), 1.0))], [100; 3], |_| true),
+            [true, false, false]
+        );
         let mut all = vec![true, true];
         keep_one(&mut all, |_| true);
         assert_eq!(all, [false, false]);
@@ -398,28 +419,20 @@ mod tests {
         }
     }
 
-    /// Roles of a phantom of `n` voxels along each axis over the same extent: a ball with a core, in noisy air, edges over a voxel's length; held
-    /// in at most `most` samples along an axis.
-    fn phantom(n: usize, most: usize) -> Vec<Role> {
-        use ivd_core::{Exec, Grid, Labels, Volume, Voxels};
-        let grid = Grid::with_spacing([n; 3], [64.0 / n as f64; 3]).unwrap();
+    /// Noise, even between −½ and ½.
+    fn even() -> impl FnMut() -> f64 {
         let mut state = 1_u64;
-        let mut noise = || {
+        move || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 40) as f64 / (1 << 24) as f64 - 0.5
-        };
-        let step = |at: f64| at.clamp(0.0, 1.0);
-        let values: Vec<f64> = (0..grid.len())
-            .map(|i| {
-                let centre = n as f64 / 2.0;
-                let far =
-                    grid.index(i).0.map(|c| (c as f64 + 0.5 - centre).powi(2)).iter().sum::<f64>().sqrt();
-                let (ball, core) = (0.36 * n as f64, 0.18 * n as f64);
-                100.0 * step(ball - far + 0.5) + 100.0 * step(core - far + 0.5) + 6.0 * noise()
-            })
-            .collect();
-        let label =
-            |&value: &f64| [25.0, 75.0, 125.0, 175.0].iter().filter(|&&edge| value > edge).count() as u16 + 1;
+        }
+    }
+
+    /// Roles of values of `n` voxels along each axis that `edges` divide into classes; held in at most `most` samples along an axis.
+    fn roles_of(n: usize, values: Vec<f64>, edges: &[f64], most: usize) -> Vec<Role> {
+        use ivd_core::{Exec, Grid, Labels, Volume, Voxels};
+        let grid = Grid::with_spacing([n; 3], [64.0 / n as f64; 3]).unwrap();
+        let label = |&value: &f64| edges.iter().filter(|&&edge| value > edge).count() as u16 + 1;
         let ids: Vec<u16> = values.iter().map(label).collect();
         let volume = Volume::new(grid.clone(), Voxels::from(values)).unwrap();
         let labels = Labels::new(grid, ids.into(), vec![]).unwrap();
@@ -430,7 +443,52 @@ mod tests {
         let range = volume.range().unwrap();
         let reduced = Reduced::new(&volume, &labels, rank, range, most, &exec).unwrap();
         let structure = crate::structure::measure(&reduced, classes.len(), 0.0, &exec).unwrap();
-        roles(&classes, &structure, &reduced, false)
+        let apart = crate::structure::apart(&reduced, &structure, 0.0, &exec).unwrap();
+        roles(&classes, &structure, apart.as_ref(), &reduced, false)
+    }
+
+    /// How far each of `n` voxels along each axis lies from the middle (voxels), x fastest.
+    fn far(n: usize) -> impl Iterator<Item = f64> {
+        let off = move |at: usize| (at as f64 + 0.5 - n as f64 / 2.0).powi(2);
+        (0..n * n * n).map(move |i| (off(i % n) + off(i / n % n) + off(i / n / n)).sqrt())
+    }
+
+    /// Roles of a phantom of `n` voxels along each axis over the same extent: a ball with a core, in noisy air, edges over a voxel's length; held
+    /// in at most `most` samples along an axis.
+    fn phantom(n: usize, most: usize) -> Vec<Role> {
+        let (mut noise, step) = (even(), |at: f64| at.clamp(0.0, 1.0));
+        let (ball, core) = (0.36 * n as f64, 0.18 * n as f64);
+        let value =
+            |far: f64| 100.0 * step(ball - far + 0.5) + 100.0 * step(core - far + 0.5) + 6.0 * noise();
+        roles_of(n, far(n).map(value).collect(), &[25.0, 75.0, 125.0, 175.0], most)
+    }
+
+    /// Means of a voxel and its neighbours along each axis, `rounds` times, of deviation 1.
+    fn grains(n: usize, rounds: usize) -> Vec<f64> {
+        let mut noise = even();
+        let mut values: Vec<f64> = (0..n * n * n).map(|_| noise()).collect();
+        for stride in [1, n, n * n].repeat(rounds) {
+            let at = |i: usize| values[i % values.len()];
+            let all = values.len();
+            let mean = |i: usize| (at(i + all - stride) + at(i) + at(i + stride)) / 3.0;
+            values = (0..all).map(mean).collect();
+        }
+        let deviation = (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt();
+        values.into_iter().map(|value| value / deviation).collect()
+    }
+
+    #[test]
+    fn noise_is_outside_however_large_its_grains_and_however_it_is_split() {
+        use Role::{Background, Material};
+        let n = 96;
+        for rounds in 0..=2 {
+            let noise = grains(n, rounds);
+            let ball = far(n).map(|far| 60.0 + 100.0 * (0.3 * n as f64 - far + 0.5).clamp(0.0, 1.0));
+            let values: Vec<f64> = ball.zip(&noise).map(|(value, noise)| value + 15.0 * noise).collect();
+            let edges = [40.0, 55.0, 68.0, 110.0];
+            let wanted = [Background, Background, Background, Background, Material];
+            assert_eq!(roles_of(n, values, &edges, n), wanted, "means of {rounds} rounds");
+        }
     }
 
     #[test]

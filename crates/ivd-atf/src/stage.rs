@@ -22,7 +22,7 @@ pub const STAGE: Stage = Stage {
 const METHODS: &[Method] = &[method::<Params>("")];
 
 impl Op for Params {
-    const REVISION: u32 = 7;
+    const REVISION: u32 = 8;
     type Inputs<'a> = Inputs<'a>;
     type Gives = (TransferFunction, Figures);
 

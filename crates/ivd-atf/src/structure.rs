@@ -155,6 +155,38 @@ pub(crate) fn measure(
     })
 }
 
+/// Voxels so many apart, at most, are looked at for noise whose grains are larger than a voxel: …
+const FARTHEST: usize = 6;
+/// … so many along each axis at least.
+const LEAST_ALONG: usize = 16;
+/// Noise that is greater by less than this factor than between voxels one less apart has no larger grains.
+const GROWN: f64 = 1.1;
+
+/// The same of voxels so far apart that noise is independent in them, where it isn't in neighbours. None where it is, and where values differ the more the
+/// further apart they are: that is what they do in a body.
+///
+/// - `near`: of neighbours.
+pub(crate) fn apart(
+    reduced: &Reduced<'_>,
+    near: &Structure,
+    least_noise: f64,
+    exec: &Exec,
+) -> Result<Option<Structure>, Error> {
+    let (mut found, mut noise) = (None, near.noise);
+    for stride in 2..=FARTHEST {
+        if noise == 0.0 || reduced.full.iter().any(|n| n / stride < LEAST_ALONG) {
+            break;
+        }
+        let further = measure(&reduced.strided(stride, exec)?, near.classes, least_noise, exec)?;
+        if further.noise < GROWN * noise {
+            return Ok(found);
+        }
+        noise = further.noise;
+        found = Some(further);
+    }
+    Ok(None)
+}
+
 /// The first bin up to which lies half of what is counted; `None` where nothing is.
 fn median(counts: impl Iterator<Item = u64> + Clone) -> Option<usize> {
     let all: u64 = counts.clone().sum();
