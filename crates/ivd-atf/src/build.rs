@@ -61,10 +61,8 @@ pub fn transfer(volume: &Volume, labels: &Labels, params: &Params, exec: &Exec) 
         let least_noise = least_noise(volume, &reduced);
         let structure = structure::measure(&reduced, classes.len(), least_noise, exec)?;
         let hounsfield = are_hounsfield(params.values, volume.modality(), whole);
-        // What lies outside is told otherwise of these.
-        let is_told = hounsfield || are_chosen(&classes);
-        let apart = if is_told { None } else { structure::apart(&reduced, &structure, least_noise, exec)? };
-        let roles = roles(&classes, &structure, apart.as_ref(), &reduced, hounsfield);
+        let apart = || structure::apart(&reduced, &structure, least_noise, exec);
+        let roles = roles(&classes, &structure, apart, &reduced, hounsfield)?;
         let gaussians = gaussians(&classes, &roles, labels, range, params);
         let mix = Mix::new(
             &classes,

@@ -67,59 +67,49 @@ impl<'a> Reduced<'a> {
             ids,
             rank_of_label,
         };
-        let (mut levels, mut ranks) = (vec![MISSING; samples], vec![0; ranked]);
-        let layer = dims[0] * dims[1];
-        parallel::try_for_each_piece_mut(&mut levels, layer, &|z, layer: &mut [u16]| {
-            exec.check_cancelled()?;
-            for (y, row) in layer.chunks_exact_mut(dims[0]).enumerate() {
-                reduced.read_levels([y, z], row);
-            }
-            Ok::<_, Error>(())
-        })?;
-        parallel::try_for_each_piece_mut(&mut ranks, layer, &|z, layer: &mut [u16]| {
-            exec.check_cancelled()?;
-            for (y, row) in layer.chunks_exact_mut(dims[0]).enumerate() {
-                let start = reduced.row_start([y, z]);
-                for (x, rank) in row.iter_mut().enumerate() {
-                    *rank = reduced.rank_at(start + evenly(x, dims[0], full[0]));
-                }
-            }
-            Ok::<_, Error>(())
-        })?;
-        (reduced.levels, reduced.ranks) = (levels, ranks);
+        let place = |i: usize, a: usize| evenly(i, dims[a], full[a]);
+        (reduced.levels, reduced.ranks) = reduced.gathered(dims, ranked > 0, place, exec)?;
         Ok(reduced)
     }
 
     /// Every so many voxels along each axis, all of them held, as if there were no others.
     pub(crate) fn strided(&self, stride: usize, exec: &Exec) -> Result<Self, Error> {
         let dims = self.full.map(|n| n.div_ceil(stride));
-        let samples = dims.iter().product::<usize>();
-        exec.check_memory("voxels apart from each other", 4 * samples as u64)?;
-        let start = |row: usize| {
-            let [y, z] = [row % dims[1], row / dims[1]].map(|at| at * stride);
-            self.full[0] * (y + self.full[1] * z)
-        };
-        let (mut levels, mut ranks) = (vec![MISSING; samples], vec![0; samples]);
-        parallel::try_for_each_piece_mut(&mut levels, dims[0], &|row, levels: &mut [u16]| {
+        exec.check_memory("voxels apart from each other", 4 * dims.iter().product::<usize>() as u64)?;
+        let (levels, ranks) = self.gathered(dims, true, |i, _| i * stride, exec)?;
+        let spacing = self.voxel_spacing.map(|mm| mm * stride as f64);
+        let rank_of_label = self.rank_of_label.clone();
+        Ok(Self { dims, full: dims, spacing, voxel_spacing: spacing, levels, ranks, rank_of_label, ..*self })
+    }
+
+    /// Levels of samples, and the places of their classes where these are wanted.
+    ///
+    /// - `place`: which of the voxels along an axis a sample stands for, by its place along it and the axis.
+    fn gathered(
+        &self,
+        dims: [usize; 3],
+        with_ranks: bool,
+        place: impl Fn(usize, usize) -> usize + Sync,
+        exec: &Exec,
+    ) -> Result<(Vec<u16>, Vec<u16>), Error> {
+        let (layer, samples) = (dims[0] * dims[1], dims.iter().product());
+        let start = |y: usize, z: usize| self.full[0] * (place(y, 1) + self.full[1] * place(z, 2));
+        let rows = |layer: &mut [u16], z: usize, fill: &dyn Fn(&mut [u16], usize)| {
             exec.check_cancelled()?;
-            self.fill(levels, |x| start(row) + stride * x);
+            layer.chunks_exact_mut(dims[0]).enumerate().for_each(|(y, row)| fill(row, start(y, z)));
             Ok::<_, Error>(())
+        };
+        let mut levels = vec![MISSING; samples];
+        parallel::try_for_each_piece_mut(&mut levels, layer, &|z, layer: &mut [u16]| {
+            rows(layer, z, &|row, start| self.fill(row, |x| start + place(x, 0)))
         })?;
-        parallel::try_for_each_piece_mut(&mut ranks, dims[0], &|row, ranks: &mut [u16]| {
-            ranks.iter_mut().enumerate().for_each(|(x, rank)| *rank = self.rank_at(start(row) + stride * x));
-            Ok::<_, Error>(())
+        let mut ranks = vec![0; if with_ranks { samples } else { 0 }];
+        parallel::try_for_each_piece_mut(&mut ranks, layer, &|z, layer: &mut [u16]| {
+            rows(layer, z, &|row, start| {
+                row.iter_mut().enumerate().for_each(|(x, rank)| *rank = self.rank_at(start + place(x, 0)));
+            })
         })?;
-        let apart = |mm: [f64; 3]| mm.map(|mm| mm * stride as f64);
-        Ok(Self {
-            dims,
-            full: dims,
-            spacing: apart(self.voxel_spacing),
-            voxel_spacing: apart(self.voxel_spacing),
-            levels,
-            ranks,
-            rank_of_label: self.rank_of_label.clone(),
-            ..*self
-        })
+        Ok((levels, ranks))
     }
 
     /// Voxels on the volume's sides across each axis; none across one of one or two voxels.
@@ -127,17 +117,6 @@ impl<'a> Reduced<'a> {
         let [nx, ny, nz] = self.full.map(|n| n as u64);
         let across = |n: u64, layer: u64| if n > 2 { 2 * layer } else { 0 };
         [across(nx, ny * nz), across(ny, nx * nz), across(nz, nx * ny)]
-    }
-
-    /// First voxel of the volume's row that a row of samples lies in.
-    fn row_start(&self, [y, z]: [usize; 2]) -> usize {
-        let [y, z] = [(y, 1), (z, 2)].map(|(i, a)| evenly(i, self.dims[a], self.full[a]));
-        self.full[0] * (y + self.full[1] * z)
-    }
-
-    fn read_levels(&self, at: [usize; 2], out: &mut [u16]) {
-        let start = self.row_start(at);
-        self.fill(out, |x| start + evenly(x, self.dims[0], self.full[0]));
     }
 
     /// Levels of the voxels that `voxel` names.

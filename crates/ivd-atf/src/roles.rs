@@ -1,5 +1,6 @@
 //! Which classes are background, which are materials, and which are only the transition between two materials.
 
+use crate::Error;
 use crate::joined::joined_share;
 use crate::params::ValueScale;
 use crate::reduced::Reduced;
@@ -83,14 +84,14 @@ pub(crate) fn are_chosen(classes: &[ClassStatistics]) -> bool {
 /// Label 0 on voxels with data is background. Where the labels are a person's choice of parts, each of the others is a material, but for gas by its
 /// Hounsfield value.
 ///
-/// - `apart`: the structure of voxels so far apart that noise is independent in them, where it isn't in neighbours.
+/// - `apart`: finds the structure of voxels so far apart that noise is independent in them, where it isn't in neighbours; it is asked for where it tells something.
 pub(crate) fn roles(
     classes: &[ClassStatistics],
     structure: &Structure,
-    apart: Option<&Structure>,
+    apart: impl FnOnce() -> Result<Option<Structure>, Error>,
     reduced: &Reduced<'_>,
     hounsfield: bool,
-) -> Vec<Role> {
+) -> Result<Vec<Role>, Error> {
     let is_chosen = are_chosen(classes);
     let mut background: Vec<bool> = if hounsfield {
         classes.iter().map(|class| class.mean <= HALF_GAS).collect()
@@ -98,7 +99,7 @@ pub(crate) fn roles(
         vec![false; classes.len()]
     } else {
         let is_joined = |outside: &[bool]| joined_share(reduced, |class| outside[class]) >= JOINED;
-        by_border(classes, [apart, Some(structure)], reduced.sides(), is_joined)
+        by_border(classes, [apart()?.as_ref(), Some(structure)], reduced.sides(), is_joined)
     };
     keep_one(&mut background, |class| classes[class].id != NO_DATA);
     if !is_chosen {
@@ -113,7 +114,7 @@ pub(crate) fn roles(
         (_, true) => Role::Transition,
         _ => Role::Material,
     };
-    background.into_iter().zip(transition).map(role).collect()
+    Ok(background.into_iter().zip(transition).map(role).collect())
 }
 
 /// Some class is always a material: where all that have a label would be background, none is.
@@ -443,8 +444,8 @@ mod tests {
         let range = volume.range().unwrap();
         let reduced = Reduced::new(&volume, &labels, rank, range, most, &exec).unwrap();
         let structure = crate::structure::measure(&reduced, classes.len(), 0.0, &exec).unwrap();
-        let apart = crate::structure::apart(&reduced, &structure, 0.0, &exec).unwrap();
-        roles(&classes, &structure, apart.as_ref(), &reduced, false)
+        let apart = || crate::structure::apart(&reduced, &structure, 0.0, &exec);
+        roles(&classes, &structure, apart, &reduced, false).unwrap()
     }
 
     /// How far each of `n` voxels along each axis lies from the middle (voxels), x fastest.

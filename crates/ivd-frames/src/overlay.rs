@@ -1,7 +1,7 @@
 //! Colours over slices: how far what is seen has come, and how its volume has changed.
 
 use ivd_core::{Displacement, VoxelIndex};
-use ivd_render::scale::{colour_at, rounded_up};
+use ivd_render::scale::{colour_at, mixed, rounded_up};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -94,7 +94,7 @@ impl Overlay {
             (0.5 + 0.5 * octaves / MOST, octaves.abs() / WHOLE_CHANGE)
         };
         let weight = OPAQUE * far.clamp(0.0, 1.0) * (f64::from(grey) / SEEN).min(1.0);
-        mixed(grey, scale.colour(share), weight)
+        mixed([grey; 3], scale.colour(share), weight)
     }
 
     /// Whether what is so bright has a colour to be seen.
@@ -148,19 +148,13 @@ impl Scale {
         let stops = if octaves < 0.0 { SQUEEZED } else { STRETCHED };
         let next = stops.iter().position(|(at, _)| *at >= octaves.abs()).unwrap_or(stops.len() - 1).max(1);
         let [(from, first), (to, last)] = [stops[next - 1], stops[next]];
-        let way = (octaves.abs() - from) / (to - from);
-        std::array::from_fn(|c| (f64::from(first[c]) * (1.0 - way) + f64::from(last[c]) * way).round() as u8)
+        mixed(first, last, (octaves.abs() - from) / (to - from))
     }
 }
 
 /// A grey with the colour of its class over it, where it has one.
 pub(crate) fn tinted(grey: u8, class: Option<[u8; 3]>) -> [u8; 3] {
-    class.map_or([grey; 3], |colour| mixed(grey, colour, CLASS))
-}
-
-/// A grey with so much of a colour in it.
-fn mixed(grey: u8, colour: [u8; 3], weight: f64) -> [u8; 3] {
-    colour.map(|c| (f64::from(grey) * (1.0 - weight) + f64::from(c) * weight).round() as u8)
+    class.map_or([grey; 3], |colour| mixed([grey; 3], colour, CLASS))
 }
 
 /// From where a deformed voxel comes (mm, RAS).

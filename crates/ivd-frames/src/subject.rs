@@ -175,7 +175,7 @@ impl Subject {
         }
         let level = scene.param(refine, "level").and_then(|level| level.as_u64()).unwrap_or_default();
         if is_bare && level > 0 && !says(&scene, refine, "max_edge") {
-            let edge = two_digits(longest_edge(volume.grid(), level));
+            let edge = in_digits(longest_edge(volume.grid(), level), 2);
             scene.set(refine, &[("max_edge", Some(json!(edge)))])?;
             said.push(format!("edges up to {edge} mm, so that a handle finds a vertex near"));
         }
@@ -344,13 +344,12 @@ fn longest_edge(grid: &Grid, level: u64) -> f64 {
 /// A number as it is told: as it is, where few digits say it, as those of what a person says; else as near as five digits come.
 pub fn in_few_digits(number: f64) -> f64 {
     let digits = number.to_string().chars().filter(char::is_ascii_digit).count();
-    if digits <= FEW_DIGITS { number } else { format!("{number:.4e}").parse().unwrap_or(number) }
+    if digits <= FEW_DIGITS { number } else { in_digits(number, 5) }
 }
 
-/// A positive number with two digits that count.
-fn two_digits(number: f64) -> f64 {
-    let text = format!("{number:.1e}");
-    text.parse().unwrap_or(number)
+/// A number with so many digits that count.
+fn in_digits(number: f64, digits: usize) -> f64 {
+    format!("{number:.*e}", digits - 1).parse().unwrap_or(number)
 }
 
 fn none(part: impl Into<String>) -> Error {

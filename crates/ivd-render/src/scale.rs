@@ -8,9 +8,12 @@ pub const BLUE_TO_RED: [[u8; 3]; 5] =
 pub fn colour_at(stops: &[[u8; 3]; 5], share: f64) -> [u8; 3] {
     let at = share.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
     let first = (at.floor() as usize).min(stops.len() - 2);
-    let way = at - first as f64;
-    let part = |c: usize| f64::from(stops[first][c]) * (1.0 - way) + f64::from(stops[first + 1][c]) * way;
-    [0, 1, 2].map(|c| part(c).round() as u8)
+    mixed(stops[first], stops[first + 1], at - first as f64)
+}
+
+/// A colour with so much, 0…1, of another in it.
+pub fn mixed(one: [u8; 3], other: [u8; 3], share: f64) -> [u8; 3] {
+    [0, 1, 2].map(|c| (f64::from(one[c]) * (1.0 - share) + f64::from(other[c]) * share).round() as u8)
 }
 
 /// The least of 1, 2, 5 · 10ⁿ that is no less.

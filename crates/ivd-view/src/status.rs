@@ -76,12 +76,12 @@ impl Window {
         let Some([squeezed, left, cut_off]) = self.shown.figures().map(|told| warned(told, in_short)) else {
             return;
         };
-        let warn = |text: String| egui::RichText::new(text).color(ui.visuals().warn_fg_color);
-        let squeezed = squeezed.map(warn);
-        let all = [(squeezed, IS_SQUEEZED), (cut_off.map(warn), CUT_OFF), (left.map(warn), STAY_BEHIND)];
+        let colour = ui.visuals().warn_fg_color;
+        let all = [(squeezed, IS_SQUEEZED), (cut_off, CUT_OFF), (left, STAY_BEHIND)];
         for (one, means) in all {
             if let Some(one) = one {
-                ui.add(egui::Label::new(one).truncate()).on_hover_text(means);
+                ui.add(egui::Label::new(egui::RichText::new(one).color(colour)).truncate())
+                    .on_hover_text(means);
             }
         }
     }

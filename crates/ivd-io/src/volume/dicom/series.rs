@@ -12,8 +12,6 @@ use crate::volume::{Error, Offer, OfferedSeries};
 /// The slices of the chosen series; of the only one where nothing is chosen.
 pub(super) fn choose(dir: &Path, slices: Vec<Slice>, wanted: Option<&str>) -> Result<Vec<Slice>, Error> {
     let mut series = by_uid(slices);
-    let list = in_words(&series);
-    let offer = Offer::Series { all: offered(&series), is_asked: false };
     let fitting: Vec<String> = match wanted {
         None => series.keys().cloned().collect(),
         Some(wanted) => matching(&series, wanted),
@@ -22,18 +20,18 @@ pub(super) fn choose(dir: &Path, slices: Vec<Slice>, wanted: Option<&str>) -> Re
         [uid] => one_geometry(dir, series.remove(uid).expect("the UID is one of the map's")),
         [] => Err(Error::choice(
             dir,
-            format!("no series is `{}`; there are: {list}", wanted.unwrap_or_default()),
+            format!("no series is `{}`; there are: {}", wanted.unwrap_or_default(), in_words(&series)),
             "choose one with --series",
         )
         .offering(Offer::Series { all: offered(&series), is_asked: true })),
         several => {
-            let problem = format!("{} series fit: {list}", several.len());
+            let problem = format!("{} series fit: {}", several.len(), in_words(&series));
             Err(Error::choice(
                 dir,
                 problem,
                 "choose one with --series and its UID, the start of it, or its number",
             )
-            .offering(offer))
+            .offering(Offer::Series { all: offered(&series), is_asked: false }))
         }
     }
 }
