@@ -74,8 +74,9 @@ pub fn followed(source: &Source, count: usize, exec: &Exec) -> Result<FrameBench
     let load = load();
     let start = Instant::now();
     let mut opened = source.read()?;
-    if opened.is_bare && !source.overrides.iter().any(|one| one.path.join(".") == "map.method") {
-        // By the map that the rest of the bench has, not by the one that windows choose.
+    let is_own = opened.is_bare || source.file.is_none();
+    if is_own && !source.overrides.iter().any(|one| one.path.join(".") == "map.method") {
+        // By the map that the rest of the bench has, not by the one that windows or the demo choose.
         let mut source = source.clone();
         source.overrides.push("map.method=\"octree\"".parse()?);
         opened = source.read()?;

@@ -5,7 +5,8 @@ use ivd_core::{BRICK, Exec, Iteration};
 use super::band::{Band, place};
 use super::evidence::evidence;
 use super::level::{CUBE, Level, within_brick};
-use super::look::{Bits, Look, Tally, look_at_all, tallies, tally_of};
+use super::look::{Bits, Look, Tally, is_inside, look_at_all, tallies, tally_of};
+use super::mixture::Mixture;
 use super::model::{Force, Model};
 use super::params::{DataTerm, Distribution, SurfaceParams};
 use super::sweep::Steps;
@@ -17,6 +18,10 @@ const BETWEEN: u32 = 10;
 const PATIENCE: usize = 1;
 /// Share of the border's energy by which a step must lower the whole to count.
 const GAIN: f64 = 1e-3;
+
+/// Times at each resolution that a mixture's border is brought back to where voxels of half and half lie. The area's weight draws a border that curves inwards;
+/// where values rise slowly across it, by much of a voxel: what its whole length is drawn in by is made up for.
+const TILTS: u32 = 1;
 
 /// What a descent goes by, the same at all resolutions.
 pub(super) struct Settings<'a> {
@@ -30,6 +35,17 @@ impl Settings<'_> {
     fn binned(&self) -> bool {
         let likelihood = self.params.data == DataTerm::Likelihood;
         self.frozen.is_some() || likelihood && self.params.distribution != Some(Distribution::Gaussian)
+    }
+
+    /// What a resolution's values are mixed of, where a mixture is asked for.
+    fn mixture(&self, all: &Tally) -> Result<Option<Mixture>, Error> {
+        let noise = self.params.distribution.and_then(Distribution::noise_of_mixture);
+        let Some(noise) = noise.filter(|_| self.frozen.is_none()) else { return Ok(None) };
+        let found = Mixture::fit(&all.bins, noise).ok_or_else(|| {
+            let remedy = "give another distribution, or a window";
+            Error::no_boundary("the values aren't a mixture of two", remedy)
+        })?;
+        Ok(Some(found))
     }
 }
 
@@ -90,18 +106,24 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     let bins = settings.binned();
     let whole = band.len() == band.all();
     let [total, mut inner] = tallies(level, &|brick| band.is_inner(brick), bins, exec)?;
+    let mixture = settings.mixture(&total)?;
     let slope = Steps::new(1.0, level.edges_of_axes(), false).slope;
     let mut looks = look_at_all(&band, slope, bins, exec)?;
     let (mut best, mut energies, mut sweeps, mut updates) = (Vec::new(), Vec::<f64>::new(), 0, 0);
     let (mut steps, mut weight) = (None::<Steps>, None::<f64>);
     let mut kept = None;
     let mut stalled = 0;
+    let (mut tilt, mut tilts) = (0.0, 0);
     loop {
         let sides = sides(&looks, &inner, &total);
-        let fit = || {
-            Model::fit(&sides.inside, &sides.outside, params.data, params.distribution.unwrap_or_default())
+        let model = match (&settings.frozen, &mixture) {
+            (Some(frozen), _) => frozen.clone(),
+            (None, Some(mixture)) => Model::mixed(mixture, sides.inside.mean() >= sides.outside.mean(), tilt),
+            (None, None) => {
+                let distribution = params.distribution.unwrap_or_default();
+                Model::fit(&sides.inside, &sides.outside, params.data, distribution)
+            }
         };
-        let model = settings.frozen.clone().unwrap_or_else(fit);
         let force = model.force();
         band.act(&force);
         let moved = weight.is_none() || (whole && sweeps <= 3 * BETWEEN);
@@ -126,8 +148,18 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
             kept = Some((sides, force));
         }
         exec.observer().iteration(Iteration { method: "surface", index: u64::from(sweeps), value: energy });
-        if stalled >= PATIENCE || sweeps >= params.sweeps {
+        if sweeps >= params.sweeps {
             break;
+        }
+        if stalled >= PATIENCE {
+            if mixture.is_none() || tilts == TILTS {
+                break;
+            }
+            tilt = band.force_at_front(&looks);
+            tilts += 1;
+            stalled = 0;
+            energies.clear();
+            continue;
         }
         for _ in 0..BETWEEN.min(params.sweeps - sweeps) {
             band.sweep(steps, exec)?;
@@ -244,6 +276,26 @@ impl Band {
                 force.of(&values[slot], out);
             }
         });
+    }
+
+    /// Mean force at the border of a set, between voxels of one brick.
+    fn force_at_front(&self, looks: &[Look]) -> f64 {
+        let (mut sum, mut count) = (0.0, 0_u64);
+        for (slot, look) in looks.iter().enumerate() {
+            let (values, force) = (&self.values[slot], &self.force[slot]);
+            for axis in 0..3 {
+                let stride = BRICK.pow(axis as u32);
+                for i in (0..CUBE).filter(|&i| within_brick(i)[axis] + 1 < BRICK) {
+                    let j = i + stride;
+                    let is_front = is_inside(&look.bits, i) != is_inside(&look.bits, j);
+                    if is_front && !values[i].is_nan() && !values[j].is_nan() {
+                        sum += 0.5 * f64::from(force[i] + force[j]);
+                        count += 1;
+                    }
+                }
+            }
+        }
+        sum / count.max(1) as f64
     }
 
     /// Spread of the force from voxel to voxel: second differences, of which a slope leaves nothing, by their median. Along the axis of the

@@ -5,13 +5,15 @@
 //! is worked through whole; finer ones only in bricks round the front.
 //!
 //! - `level`: resolutions of a volume. `band`: the bricks in work. `sweep`: the iteration on one brick.
-//! - `look`: what a set is: values, area, front. `model`: what values cost on either side. `descent`: the whole at one resolution.
+//! - `look`: what a set is: values, area, front. `descent`: the whole at one resolution.
+//! - `model`: what values cost on either side; `mixture`: the same of two values and what lies between them. `bessel`: what Rice's distribution needs.
 //! - `evidence`: whether a set is more than noise gives.
 //! - `local`: statistics of what is nearby, at the finest resolution.
 //! - `certify`: how far from the lowest energy a set can be; `graph`: the lowest set where area is counted by cut edges.
 //! - `start`: what it begins with.
 
 mod band;
+mod bessel;
 mod certify;
 mod descent;
 mod evidence;
@@ -19,6 +21,7 @@ mod graph;
 mod level;
 mod local;
 mod look;
+mod mixture;
 mod model;
 mod params;
 mod start;

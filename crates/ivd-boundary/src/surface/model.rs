@@ -1,6 +1,8 @@
 //! What values inside and outside are expected to be, and what a voxel costs on either side.
 
+use super::bessel::{ln_scaled_bessel, scaled_bessel_1};
 use super::look::{BINS, Tally};
+use super::mixture::Mixture;
 use super::params::{DataTerm, Distribution};
 
 /// How values are expected, by side.
@@ -20,9 +22,9 @@ enum Side {
 }
 
 /// Least spread of a Gaussian, in units of the range: half a step of 8 bits.
-const LEAST_SPREAD: f64 = 1.0 / 512.0;
+pub(super) const LEAST_SPREAD: f64 = 1.0 / 512.0;
 /// Least probability of a bin: what nobody has seen is improbable, not impossible.
-const LEAST_PROBABILITY: f64 = 1e-4;
+pub(super) const LEAST_PROBABILITY: f64 = 1e-4;
 
 impl Side {
     fn fit(tally: &Tally, data: DataTerm, distribution: Distribution) -> Self {
@@ -31,11 +33,11 @@ impl Side {
         }
         match distribution {
             Distribution::Histogram => Self::Table(smoothed(&tally.bins)),
-            Distribution::Gaussian => {
+            Distribution::Gaussian | Distribution::GaussianMixture => {
                 let variance = tally.variance().max(LEAST_SPREAD * LEAST_SPREAD);
                 Self::Quadratic { mean: tally.mean(), weight: 0.5 / variance, offset: 0.5 * variance.ln() }
             }
-            Distribution::Rician => Self::Table(rician(tally)),
+            Distribution::Rician | Distribution::RicianMixture => Self::Table(rician(tally)),
         }
     }
 
@@ -70,6 +72,17 @@ impl Model {
             inside: Side::Table(normal(inside)),
             outside: Side::fit(others, DataTerm::Likelihood, Distribution::Histogram),
         }
+    }
+
+    /// Of two values and what lies between; the inside is the side of the higher one if it is brighter. Voxels cost `tilt` more inside.
+    pub(super) fn mixed(mixture: &Mixture, is_brighter: bool, tilt: f64) -> Self {
+        let [mut inside, mut outside] = mixture.costs();
+        if is_brighter {
+            std::mem::swap(&mut inside, &mut outside);
+        }
+        inside.iter_mut().for_each(|cost| *cost += 0.5 * tilt);
+        outside.iter_mut().for_each(|cost| *cost -= 0.5 * tilt);
+        Self { inside: Side::Table(inside), outside: Side::Table(outside) }
     }
 
     pub(super) fn fit(inside: &Tally, outside: &Tally, data: DataTerm, distribution: Distribution) -> Self {
@@ -216,48 +229,4 @@ fn mean_over_noise(t: f64) -> f64 {
     let i0 = ln_scaled_bessel(x).exp();
     let i1 = scaled_bessel_1(x);
     (std::f64::consts::PI / 2.0).sqrt() * ((1.0 + 2.0 * x) * i0 + 2.0 * x * i1)
-}
-
-/// ln(I₀(x) e^(−x)), within 2e-7 (Abramowitz & Stegun 9.8.1, 9.8.2).
-fn ln_scaled_bessel(x: f64) -> f64 {
-    if x < 3.75 {
-        let t = (x / 3.75).powi(2);
-        let i0 = [0.004_581_3, 0.036_076_8, 0.265_973_2, 1.206_749_2, 3.089_942_4, 3.515_622_9, 1.0];
-        return i0.iter().fold(0.0, |sum, c| sum * t + c).ln() - x;
-    }
-    let t = 3.75 / x;
-    let series = [
-        0.003_923_77,
-        -0.016_476_33,
-        0.026_355_37,
-        -0.020_577_06,
-        0.009_162_81,
-        -0.001_575_65,
-        0.002_253_19,
-        0.013_285_92,
-        0.398_942_28,
-    ];
-    (series.iter().fold(0.0, |sum, c| sum * t + c) / x.sqrt()).ln()
-}
-
-/// I₁(x) e^(−x) (Abramowitz & Stegun 9.8.3, 9.8.4).
-fn scaled_bessel_1(x: f64) -> f64 {
-    if x < 3.75 {
-        let t = (x / 3.75).powi(2);
-        let i1 = [0.000_324_11, 0.003_015_32, 0.026_587_33, 0.150_849_34, 0.514_988_69, 0.878_905_94, 0.5];
-        return x * i1.iter().fold(0.0, |sum, c| sum * t + c) * (-x).exp();
-    }
-    let t = 3.75 / x;
-    let series = [
-        -0.004_200_59,
-        0.017_876_54,
-        -0.028_953_12,
-        0.022_829_67,
-        -0.010_315_55,
-        0.001_638_01,
-        -0.003_620_18,
-        -0.039_880_24,
-        0.398_942_28,
-    ];
-    series.iter().fold(0.0, |sum, c| sum * t + c) / x.sqrt()
 }

@@ -2,6 +2,8 @@ use ivd_core::{ClassChoice, ParamError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::mixture::Noise;
+
 /// What tells inside from outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -21,7 +23,7 @@ pub enum DataTerm {
 
 /// How a side's values are spread, for the likelihood.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum Distribution {
     /// As they are: a smoothed histogram.
     #[default]
@@ -30,6 +32,21 @@ pub enum Distribution {
     Gaussian,
     /// Rice's distribution: magnitudes with noise, as in MR.
     Rician,
+    /// Two values and what lies between them, as at a blurred border, all with the same normal noise: for a scan of two materials.
+    GaussianMixture,
+    /// The same with the noise of magnitudes, as in MR.
+    RicianMixture,
+}
+
+impl Distribution {
+    /// The noise of a mixture, where it is one.
+    pub(super) fn noise_of_mixture(self) -> Option<Noise> {
+        match self {
+            Self::GaussianMixture => Some(Noise::Gaussian),
+            Self::RicianMixture => Some(Noise::Rician),
+            Self::Histogram | Self::Gaussian | Self::Rician => None,
+        }
+    }
 }
 
 /// How the border's area is measured.
