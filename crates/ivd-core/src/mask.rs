@@ -1,4 +1,4 @@
-use crate::{Buffer, Error, Grid, Volume};
+use crate::{Buffer, Error, Grid, Volume, parallel};
 
 /// A part of a volume: 1 inside, 0 outside, and optionally a level function that places its border between voxels.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,7 +58,10 @@ impl Mask {
                 problem: format!("{} values for a grid of {:?}", level.len(), self.grid.dims()),
             });
         }
-        if let Some(at) = level.iter().position(|v| v.is_nan()) {
+        let has_nan =
+            parallel::map_pieces(level.len(), 1 << 18, &|range| level[range].iter().any(|v| v.is_nan()));
+        let first = has_nan.iter().any(|&has| has).then(|| level.iter().position(|v| v.is_nan())).flatten();
+        if let Some(at) = first {
             return Err(Error::Inconsistent {
                 what: "level function",
                 problem: format!("no number at voxel {:?}", self.grid.index(at).0),

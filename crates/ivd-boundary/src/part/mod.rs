@@ -7,8 +7,9 @@ mod open;
 mod smooth;
 
 use std::cmp::Reverse;
+use std::ops::Range;
 
-use ivd_core::{Exec, Grid, Mask, Volume};
+use ivd_core::{Exec, Grid, Mask, Volume, parallel};
 
 use crate::Error;
 use crate::component::{draw, fill_holes, ones};
@@ -88,14 +89,17 @@ fn keep_piece(inside: &mut [u8], dims: [usize; 3], chosen: &Chosen) -> Result<us
     if count == 1 && any_chosen(&runs, dims, chosen) {
         return Ok(1);
     }
+    let of_runs = parallel::map(dims[2], &|z| {
+        let rows = (0..dims[1]).map(|y| (runs.row(y, z), dims[0] * (y + dims[1] * z)));
+        let held = |(of_row, first): (Range<usize>, usize)| {
+            let count = |run| runs.span(run).filter(|x| chosen(first + x)).count() as u64;
+            of_row.map(count).collect::<Vec<_>>()
+        };
+        rows.flat_map(held).collect::<Vec<_>>()
+    });
     let mut counts = vec![0_u64; pieces.len()];
-    for z in 0..dims[2] {
-        for y in 0..dims[1] {
-            let row = dims[0] * (y + dims[1] * z);
-            for run in runs.row(y, z) {
-                counts[pieces[run] as usize] += runs.span(run).filter(|x| chosen(row + x)).count() as u64;
-            }
-        }
+    for (&piece, count) in pieces.iter().zip(of_runs.into_iter().flatten()) {
+        counts[piece as usize] += count;
     }
     let kept = (0..counts.len()).max_by_key(|&piece| (counts[piece], Reverse(piece)));
     let Some(kept) = kept.filter(|&piece| counts[piece] > 0) else {

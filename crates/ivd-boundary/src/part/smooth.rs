@@ -39,6 +39,7 @@ fn smoothed(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<(Vec<f32>, V
     let [nx, ny, nz] = dims;
     let layer = nx * ny;
     let weights = weights();
+    let sides = sides(inside, dims, exec)?;
     let mut out = vec![0.0_f32; inside.len()];
     let mixed: Vec<Vec<[usize; 3]>> = parallel::try_map_pieces_mut(&mut out, layer * BRICK, &|bz, out| {
         exec.check_cancelled()?;
@@ -52,12 +53,15 @@ fn smoothed(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<(Vec<f32>, V
                     |a: usize, n: usize| low[a].saturating_sub(REACH)..(low[a] + size[a] + REACH).min(n);
                 let (xs, ys, zs) = (near(0, nx), near(1, ny), near(2, nz));
                 let first = inside[xs.start + nx * (ys.start + ny * zs.start)];
-                let alike = zs.clone().all(|z| {
-                    ys.clone().all(|y| {
-                        let row = nx * (y + ny * z);
-                        inside[row + xs.start..row + xs.end].iter().all(|&v| v == first)
+                let by_voxels = || {
+                    zs.clone().all(|z| {
+                        ys.clone().all(|y| {
+                            let row = nx * (y + ny * z);
+                            inside[row + xs.start..row + xs.end].iter().all(|&v| v == first)
+                        })
                     })
-                });
+                };
+                let alike = are_alike(&sides, [bx, by, bz], dims) || by_voxels();
                 let smoothed = (!alike).then(|| room.smooth(inside, dims, low, size, &weights));
                 if !alike {
                     mixed.push([bx, by, bz]);
@@ -82,6 +86,36 @@ fn smoothed(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<(Vec<f32>, V
         Ok::<_, Error>(mixed)
     })?;
     Ok((out, mixed.concat()))
+}
+
+/// For every brick 0 or 1 where all of its voxels are outside or inside, and 2 where some are either.
+fn sides(inside: &[u8], dims: [usize; 3], exec: &Exec) -> Result<Vec<u8>, Error> {
+    let [nx, ny, _] = dims;
+    let [bricks_x, bricks_y, bricks_z] = dims.map(|n| n.div_ceil(BRICK));
+    let layer = nx * ny;
+    let by_layers = parallel::try_map(bricks_z, &|bz| {
+        exec.check_cancelled()?;
+        let from = bz * BRICK * layer;
+        let voxels = &inside[from..(from + BRICK * layer).min(inside.len())];
+        let mut counts = vec![[0_u16; 2]; bricks_x * bricks_y];
+        for (i, row) in voxels.chunks(nx).enumerate() {
+            let counts = &mut counts[i % ny / BRICK * bricks_x..][..bricks_x];
+            for (part, [count, all]) in row.chunks(BRICK).zip(counts) {
+                *count += part.iter().map(|&v| u16::from(v)).sum::<u16>();
+                *all += part.len() as u16;
+            }
+        }
+        let side = |[count, all]: [u16; 2]| if count == 0 { 0 } else { 2 - u8::from(count == all) };
+        Ok::<_, Error>(counts.into_iter().map(side).collect::<Vec<u8>>())
+    })?;
+    Ok(by_layers.concat())
+}
+
+/// Whether a brick and those that touch it are all on one side.
+fn are_alike(sides: &[u8], brick: [usize; 3], dims: [usize; 3]) -> bool {
+    let bricks = dims.map(|n| n.div_ceil(BRICK));
+    let own = sides[brick[0] + bricks[0] * (brick[1] + bricks[1] * brick[2])];
+    own < 2 && touching(brick, bricks).all(|(i, _)| sides[i] == own)
 }
 
 /// Gives the voxels of thin places, and those that touch them, the level of the mask itself. Only the bricks that aren't all on one side are
@@ -188,9 +222,16 @@ impl Room {
         weights: &[f32; 2 * REACH + 1],
     ) -> [f32; BRICK * BRICK * BRICK] {
         let clamped = |from: usize, i: usize, n: usize| (from + i).saturating_sub(REACH).min(n - 1);
+        let whole_rows = low[0] >= REACH && low[0] + BRICK + REACH <= nx;
         for z in 0..size[2] + 2 * REACH {
             for y in 0..size[1] + 2 * REACH {
                 let row = nx * (clamped(low[1], y, ny) + ny * clamped(low[2], z, nz));
+                if whole_rows {
+                    let from = &inside[row + low[0] - REACH..][..PADDED];
+                    let to = &mut self.padded[PADDED * (y + PADDED * z)..][..PADDED];
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to = f32::from(*from));
+                    continue;
+                }
                 for x in 0..size[0] + 2 * REACH {
                     self.padded[x + PADDED * (y + PADDED * z)] =
                         f32::from(inside[row + clamped(low[0], x, nx)]);

@@ -1,5 +1,6 @@
 //! The bricks that are worked on, and what they hold. The others are all inside or all outside.
 
+use bytemuck::Zeroable;
 use ivd_core::{BRICK, Error, Exec, parallel};
 
 use super::level::{CUBE, Level};
@@ -13,6 +14,9 @@ const OUT: u32 = u32::MAX;
 const IN: u32 = u32::MAX - 1;
 static ZEROS: Brick = [0.0; CUBE];
 static ONES: Brick = [1.0; CUBE];
+
+/// Bricks that a thread makes at a time.
+const PIECE: usize = 16;
 
 /// Bricks of a level that are worked on.
 pub(super) struct Band {
@@ -122,22 +126,28 @@ impl Band {
         }
         let bytes = self.places.len() * size_of::<Brick>() * 7;
         exec.check_memory("the bricks round the surface", bytes as u64)?;
+        exec.check_cancelled()?;
+        // Made where they lie: there are tens of megabytes of them.
         let places = &self.places[first..];
-        let made: Vec<(Brick, Brick)> = parallel::try_map(places.len(), &|i| {
-            exec.check_cancelled()?;
-            let (mut values, mut u) = ([0.0; CUBE], [0.0; CUBE]);
-            level.brick(places[i], &mut values);
-            start(places[i], sides[i], &mut u);
-            Ok::<_, Error>((values, u))
-        })?;
+        let more = places.len();
+        lengthen(&mut self.flow, more);
+        lengthen(&mut self.force, more);
+        lengthen(&mut self.values, more);
+        parallel::for_each_piece_mut(&mut self.values[first..], PIECE, &|piece, values| {
+            (PIECE * piece..).zip(values).for_each(|(i, values)| level.brick(places[i], values));
+        });
+        lengthen(&mut self.primal, more);
+        parallel::for_each_piece_mut(&mut self.primal[first..], PIECE, &|piece, states| {
+            for (i, state) in (PIECE * piece..).zip(states) {
+                start(places[i], sides[i], &mut state.u);
+                state.ahead = state.u;
+            }
+        });
         if let Some(edge) = level.edge {
-            self.softness.extend(parallel::map(places.len(), &|i| level.softness(places[i], edge)));
-        }
-        for (values, u) in made {
-            self.values.push(values);
-            self.primal.push(Primal { u, ahead: u });
-            self.flow.push([[0.0; CUBE]; 3]);
-            self.force.push([0.0; CUBE]);
+            lengthen(&mut self.softness, more);
+            parallel::for_each_piece_mut(&mut self.softness[first..], PIECE, &|piece, softness| {
+                (PIECE * piece..).zip(softness).for_each(|(i, out)| *out = level.softness(places[i], edge));
+            });
         }
         Ok(first..self.places.len())
     }
@@ -223,6 +233,15 @@ impl Band {
             }
         }
         found
+    }
+}
+
+/// Adds zeros; to nothing, pages that the system clears when they are first written to.
+fn lengthen<T: Zeroable + Clone>(of: &mut Vec<T>, more: usize) {
+    if of.is_empty() {
+        *of = bytemuck::zeroed_vec(more);
+    } else {
+        of.resize_with(of.len() + more, T::zeroed);
     }
 }
 

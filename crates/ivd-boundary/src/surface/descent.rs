@@ -313,14 +313,17 @@ impl Band {
     /// Second differences of the force along an axis, without sign, at two voxels of each row of a brick.
     fn second_differences(&self, axis: usize) -> Vec<f32> {
         let stride = BRICK.pow(axis as u32);
-        let mut found: Vec<f32> = Vec::with_capacity(self.len() * 64);
-        for (values, force) in self.values.iter().zip(&self.force) {
-            let own = (0..CUBE).filter(|&i| [1, 4].contains(&within_brick(i)[axis]));
-            for i in own.filter(|i| [i - stride, *i, i + stride].iter().all(|&j| !values[j].is_nan())) {
-                found.push((force[i - stride] - 2.0 * force[i] + force[i + stride]).abs());
+        let of_pieces = ivd_core::parallel::map_pieces(self.len(), 64, &|slots| {
+            let mut found: Vec<f32> = Vec::with_capacity(slots.len() * 128);
+            for (values, force) in self.values[slots.clone()].iter().zip(&self.force[slots]) {
+                let own = (0..CUBE).filter(|&i| [1, 4].contains(&within_brick(i)[axis]));
+                for i in own.filter(|i| [i - stride, *i, i + stride].iter().all(|&j| !values[j].is_nan())) {
+                    found.push((force[i - stride] - 2.0 * force[i] + force[i + stride]).abs());
+                }
             }
-        }
-        found
+            found
+        });
+        of_pieces.concat()
     }
 
     /// All bricks of a level in work, with shares of 0 or 1.

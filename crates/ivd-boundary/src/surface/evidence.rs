@@ -11,6 +11,8 @@
 //! voxels that are chosen independently the first factor is ½, whatever their share (faces are 2 d n p (1 − p)), and the second is 8/π for the
 //! halves of a normal distribution, 3 of a uniform one, and at most 4 of two equal halves; a ball of radius r has a first factor of 2r/3.
 
+use ivd_core::parallel;
+
 use super::band::Band;
 use super::level::{CUBE, Level};
 use super::look::{Bits, is_inside};
@@ -32,13 +34,21 @@ pub(super) fn evidence(
     faces: u64,
 ) -> f64 {
     // Count, sum and squares of the force, outside and inside.
-    let mut sides = [[0.0_f64; 3]; 2];
-    for (slot, bits) in set.iter().enumerate() {
-        for i in (0..CUBE).filter(|&i| !band.values[slot][i].is_nan()) {
-            let side = &mut sides[usize::from(is_inside(bits, i))];
-            let force = f64::from(band.force[slot][i]);
-            *side = [side[0] + 1.0, side[1] + force, side[2] + force * force];
+    let of_pieces = parallel::map_pieces(set.len(), 64, &|slots| {
+        let mut sides = [[0.0_f64; 3]; 2];
+        for slot in slots {
+            let bits = &set[slot];
+            for i in (0..CUBE).filter(|&i| !band.values[slot][i].is_nan()) {
+                let side = &mut sides[usize::from(is_inside(bits, i))];
+                let force = f64::from(band.force[slot][i]);
+                *side = [side[0] + 1.0, side[1] + force, side[2] + force * force];
+            }
         }
+        sides
+    });
+    let mut sides = [[0.0_f64; 3]; 2];
+    for piece in &of_pieces {
+        sides.iter_mut().flatten().zip(piece.iter().flatten()).for_each(|(all, of)| *all += of);
     }
     let [out, own] = sides;
     let mean = |side: [f64; 3]| side[1] / side[0];

@@ -55,16 +55,17 @@ impl Mixture {
         let start = Self::by_two_means(bins, noise)?;
         let (found, likelihood) = start.clone().improved(bins);
         if noise == Noise::Gaussian {
-            return found.is_sound();
+            return found.sound();
         }
         let [low, high] = start.values;
         let without = Self { values: [0.0, high], variance: (0.5 * low * low).max(start.variance), ..start };
         let (dark, likelihood_of_dark) = without.improved(bins);
         let is_better = likelihood > likelihood_of_dark + SIGNAL;
-        if is_better { found.is_sound() } else { dark.is_sound().or_else(|| found.is_sound()) }
+        if is_better { found.sound() } else { dark.sound().or_else(|| found.sound()) }
     }
 
-    fn is_sound(self) -> Option<Self> {
+    /// Itself, where it holds two values.
+    fn sound(self) -> Option<Self> {
         let finite = self.values.iter().chain([&self.variance]).all(|v| v.is_finite());
         (finite && self.values[1] - self.values[0] > LEAST_SPREAD).then_some(self)
     }
@@ -125,7 +126,9 @@ impl Mixture {
         let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let mut found: Vec<f64> = logs.iter().map(|log| (log - most).exp()).collect();
         let sum: f64 = found.iter().sum();
-        found.iter_mut().for_each(|p| *p /= sum);
+        for p in &mut found {
+            *p /= sum;
+        }
         found
     }
 
@@ -164,7 +167,9 @@ impl Mixture {
         };
         let mut joint: Vec<Vec<f64>> = (0..STATES).map(|s| self.spread(self.value(s), places)).collect();
         for (state, row) in joint.iter_mut().enumerate() {
-            row.iter_mut().for_each(|p| *p *= weight(state));
+            for p in &mut row {
+                *p *= weight(state);
+            }
         }
         let all: Vec<f64> = (0..places.len()).map(|i| joint.iter().map(|row| row[i]).sum()).collect();
         let seen = self.within(&all);
@@ -238,8 +243,12 @@ impl Mixture {
         let [lower, higher] =
             [0, 1].map(|i: usize| sides[i].iter().zip(&half).map(|(c, p)| c * p).sum::<f64>());
         let middle = 0.5 * (lower - higher);
-        sides[0].iter_mut().for_each(|cost| *cost -= middle);
-        sides[1].iter_mut().for_each(|cost| *cost += middle);
+        for cost in &mut sides[0] {
+            *cost -= middle;
+        }
+        for cost in &mut sides[1] {
+            *cost += middle;
+        }
         sides
     }
 }
@@ -262,7 +271,7 @@ mod tests {
         add(a, low);
         add(b, high);
         (0..fine).for_each(|i| {
-            add(a + (b - a) * (f64::from(i) + 0.5) / f64::from(fine), between / f64::from(fine))
+            add(a + (b - a) * (f64::from(i) + 0.5) / f64::from(fine), between / f64::from(fine));
         });
         found
     }

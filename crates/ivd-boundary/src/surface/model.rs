@@ -80,8 +80,12 @@ impl Model {
         if is_brighter {
             std::mem::swap(&mut inside, &mut outside);
         }
-        inside.iter_mut().for_each(|cost| *cost += 0.5 * tilt);
-        outside.iter_mut().for_each(|cost| *cost -= 0.5 * tilt);
+        for cost in &mut inside {
+            *cost += 0.5 * tilt;
+        }
+        for cost in &mut outside {
+            *cost -= 0.5 * tilt;
+        }
         Self { inside: Side::Table(inside), outside: Side::Table(outside) }
     }
 

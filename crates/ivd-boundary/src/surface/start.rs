@@ -1,6 +1,6 @@
 //! What a surface starts from.
 
-use ivd_core::{Exec, Grid, Labels, Mask, Volume, VoxelCoord, World};
+use ivd_core::{Exec, Grid, Labels, Mask, Volume, VoxelCoord, World, parallel};
 use nalgebra::Vector3;
 
 use super::params::{StartShape, SurfaceParams};
@@ -159,17 +159,18 @@ impl Start {
             (0..3).all(|a| low[a] / factor[a] <= voxel[a] && voxel[a] * factor[a] < high[a])
         };
         let by_middle = self.voxels(grid, factor);
-        if factor == [1; 3] {
+        // A ball of two coarse voxels' radius holds as many of their middles as it is large.
+        let coarse_edge = (0..3).map(|a| grid.spacing()[a] * factor[a] as f64).fold(0.0, f64::max);
+        let is_thick = matches!(self, Self::Ball(_, radius) if *radius >= 2.0 * coarse_edge);
+        if factor == [1; 3] || is_thick {
             return Box::new(move |voxel| is_near(voxel) && by_middle(voxel));
         }
         let coarse = |voxel: [usize; 3]| -> [usize; 3] { std::array::from_fn(|a| voxel[a] / factor[a]) };
         let linear = move |[x, y, z]: [usize; 3]| x + level_dims[0] * (y + level_dims[1] * z);
         let mut touched = vec![false; level_dims.iter().product()];
-        let mut count = 0_usize;
-        self.each(grid, |voxel| {
-            touched[linear(coarse(voxel))] = true;
-            count += 1;
-        });
+        let voxels = self.all(grid);
+        let count: usize = voxels.iter().map(Vec::len).sum();
+        voxels.into_iter().flatten().for_each(|voxel| touched[linear(coarse(voxel))] = true);
         let each = factor.iter().product::<usize>();
         let held = (0..touched.len())
             .filter(|&i| {
@@ -183,15 +184,15 @@ impl Start {
         Box::new(move |voxel| is_near(voxel) && by_middle(voxel))
     }
 
-    /// Hands on its voxels.
-    pub(super) fn each(&self, grid: &Grid, mut of: impl FnMut([usize; 3])) {
+    /// Its voxels, by layers.
+    pub(super) fn all(&self, grid: &Grid) -> Vec<Vec<[usize; 3]>> {
         let holds = self.voxels(grid, [1; 3]);
         let [low, high] = self.bounds(grid);
-        for z in low[2]..high[2] {
-            for y in low[1]..high[1] {
-                (low[0]..high[0]).map(|x| [x, y, z]).filter(|&voxel| holds(voxel)).for_each(&mut of);
-            }
-        }
+        parallel::map(high[2].saturating_sub(low[2]), &|layer| {
+            let z = low[2] + layer;
+            let of = |y: usize| (low[0]..high[0]).map(move |x| [x, y, z]);
+            (low[1]..high[1]).flat_map(of).filter(|&voxel| holds(voxel)).collect()
+        })
     }
 
     /// The point that a start stands about, which it holds.

@@ -23,7 +23,7 @@ use super::level::CUBE;
 pub(super) type Brick = [f32; CUBE];
 
 /// The state of one brick's primal variable.
-#[derive(Clone)]
+#[derive(Clone, Copy, bytemuck::Zeroable)]
 pub(super) struct Primal {
     /// Share of the part in each voxel, 0 … 1.
     pub(super) u: Brick,
@@ -92,6 +92,20 @@ impl Faces<'_> {
             None => next.chunks_mut(BRICK).zip(of.chunks(BRICK)).for_each(|(n, own)| n[last] = own[last]),
         }
         next
+    }
+
+    /// A row of [`next_x`](Self::next_x).
+    #[inline(always)]
+    fn next_in_row(&self, of: &Brick, whole: Option<&Brick>, first: usize) -> Row {
+        if let Some(whole) = whole {
+            return *row(whole, first);
+        }
+        let last = self.above[0].map_or(of[first + BRICK - 1], |above| above[first]);
+        if first + BRICK == CUBE {
+            return std::array::from_fn(|x| if x + 1 < BRICK { of[first + x + 1] } else { last });
+        }
+        let further = row(of, first + 1);
+        std::array::from_fn(|x| if x + 1 < BRICK { further[x] } else { last })
     }
 
     /// The row one voxel further along y; where that is beyond the volume, the row itself.
@@ -177,11 +191,11 @@ fn dual_avx2(flow: &mut [Brick; 3], ahead: &Brick, faces: &Faces, steps: &Steps)
 fn dual_any(flow: &mut [Brick; 3], ahead: &Brick, faces: &Faces, longest: &impl Length, steps: &Steps) {
     let [sx, sy, sz] = steps.slope.map(|g| g * steps.sigma);
     let [fx, fy, fz] = flow;
-    let next_x = faces.next_x(ahead);
+    let next_x = (faces.extent[0] < BRICK).then(|| faces.next_x(ahead));
     for z in 0..faces.extent[2] {
         for y in 0..faces.extent[1] {
             let first = BRICK * (y + BRICK * z);
-            let (own, nx) = (row(ahead, first), row(&next_x, first));
+            let (own, nx) = (row(ahead, first), faces.next_in_row(ahead, next_x.as_ref(), first));
             let (ny, nz) = (faces.next_y(ahead, y, z), faces.next_z(ahead, y, z));
             let range = first..first + BRICK;
             let (fx, fy, fz) = (&mut fx[range.clone()], &mut fy[range.clone()], &mut fz[range]);
@@ -225,14 +239,17 @@ fn primal_avx2(state: &mut Primal, flow: &[Brick; 3], below: [&Brick; 3], force:
 fn primal_any(state: &mut Primal, flow: &[Brick; 3], below: [&Brick; 3], force: &Brick, steps: &Steps) {
     let [gx, gy, gz] = steps.slope;
     let tau = steps.tau;
-    let mut before_x = [0.0; CUBE];
-    before_x[1..].copy_from_slice(&flow[0][..CUBE - 1]);
-    before_x.chunks_mut(BRICK).zip(below[0].chunks(BRICK)).for_each(|(before, b)| before[0] = b[BRICK - 1]);
     for z in 0..BRICK {
         for y in 0..BRICK {
             let first = BRICK * (y + BRICK * z);
             let [x_row, y_row, z_row] = [0, 1, 2].map(|a| row(&flow[a], first));
-            let x_before = row(&before_x, first);
+            let first_before = below[0][first + BRICK - 1];
+            let x_before: Row = if first == 0 {
+                std::array::from_fn(|x| if x > 0 { flow[0][x - 1] } else { first_before })
+            } else {
+                let before = row(&flow[0], first - 1);
+                std::array::from_fn(|x| if x > 0 { before[x] } else { first_before })
+            };
             let y_before =
                 if y > 0 { row(&flow[1], first - BRICK) } else { row(below[1], LAYER * z + LAYER - BRICK) };
             let z_before = if z > 0 {
