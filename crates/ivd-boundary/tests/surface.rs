@@ -110,8 +110,8 @@ fn balls_and_tori_are_found_in_noise() {
 /// Values fall from 1 to 0 over eight voxels about the border; noise is normal, or that of magnitudes, of which those above 1 are cut off.
 #[test]
 fn a_mixture_finds_a_blurred_border_where_voxels_hold_half_of_either_side() {
-    let n = 80;
     type Shape = (&'static str, fn([f64; 3]) -> f64);
+    let n = 80;
     let shapes: [Shape; 2] = [("ball", |q| ball(80.0)(q)), ("torus", |q| torus(80.0)(q))];
     for (name, of) in shapes {
         for sigma in [0.05, 0.2] {

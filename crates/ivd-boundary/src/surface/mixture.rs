@@ -167,7 +167,7 @@ impl Mixture {
         };
         let mut joint: Vec<Vec<f64>> = (0..STATES).map(|s| self.spread(self.value(s), places)).collect();
         for (state, row) in joint.iter_mut().enumerate() {
-            for p in &mut row {
+            for p in row.iter_mut() {
                 *p *= weight(state);
             }
         }
