@@ -9,7 +9,9 @@ Columns: classes that are clear, and that are transitions; mean opacity of rays 
 half opaque and meet no matter, or the reverse, per ray that meets matter (voxels of materials, and those of transitions that lie beyond the
 middle between the means of the background and of the nearest material); visibility over what is asked (the smaller of 5 % and half of what a
 material would cover alone), of the material where that is least; Kullback-Leibler divergence from the target that the program states;
-least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; with
+least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; of the pixels
+whose right or lower neighbour sees another material (that of the sample that is seen most, in rays more than half opaque), those with CIEDE2000 of 5 or more across two
+pixels; with
 `--noise` the greatest CIEDE2000 between the colours of materials and those of the same (the nearest in mean) under noise of 5 % of the range;
 seconds of the stage. Needs nibabel, numpy and scipy.
 """
@@ -142,9 +144,20 @@ class Looked:
     def __init__(self, count):
         self.by_class, self.alone, self.rays = np.zeros(count), np.zeros(count), 0
         self.background, self.past, self.differ = 0.0, 0, 0
+        self.borders, self.edges = 0, 0
+
+    def count_edges(self, owner, opacity, colours):
+        """Borders between materials in a picture, and those of them that are edges."""
+        shown = lab(colours)
+        for axis in (0, 1):
+            line = lambda of, by: np.moveaxis(of, axis, 0)[by:of.shape[axis] - 2 + by]
+            border = (line(owner, 0) != line(owner, 1)) & (line(opacity, 0) > .5) & (line(opacity, 1) > .5)
+            border &= (line(owner, 0) >= 0) & (line(owner, 1) >= 0) & (line(opacity, 2) > .5)
+            self.borders += border.sum()
+            self.edges += (ciede2000(line(shown, 0)[border], line(shown, 2)[border]) >= 5).sum()
 
 
-def look(values, matter_of, spacing, alpha_of, class_of, materials, most, reference):
+def look(values, matter_of, spacing, alpha_of, class_of, materials, most, reference, colour_of=None):
     """Looks at a volume from all views; `class_of`: index of a material by value, or -1."""
     found = Looked(len(materials))
     for rotation in VIEWS:
@@ -160,6 +173,10 @@ def look(values, matter_of, spacing, alpha_of, class_of, materials, most, refere
             mine = owner == i
             found.by_class[i] += visible[mine].sum()
             found.alone[i] += (1 - np.prod(1 - mine * of_step(most, exponent), axis=2))[matter].sum()
+        if colour_of is not None:
+            most_seen = np.take_along_axis(owner, visible.argmax(axis=2)[..., None], axis=2)[..., 0]
+            colours = np.stack([(visible * c).sum(axis=2) for c in colour_of(np.nan_to_num(value))], axis=-1)
+            found.count_edges(most_seen, opacity, colours)
         past = ~matter & inside.any(axis=2)
         found.background += opacity[past].sum()
         found.past += past.sum()
@@ -189,7 +206,8 @@ def judge(values, labels, spacing, transfer, record):
         beyond = values > edge if below else values < edge
         matter |= np.isin(labels, figures["transitions"]) & beyond
     matter = matter.astype(np.uint8)
-    found = look(values, matter, spacing, alpha_of, owner, materials, most, content["reference_mm"])
+    colour_of = lambda v: (np.interp(v, axis, table[0, :, c]) for c in range(3))
+    found = look(values, matter, spacing, alpha_of, owner, materials, most, content["reference_mm"], colour_of)
     share = found.by_class / max(found.by_class.sum(), 1e-9)
     alone = found.alone / max(found.rays, 1)
     asked = np.minimum(.05, .5 * alone)
@@ -204,7 +222,7 @@ def judge(values, labels, spacing, transfer, record):
     return dict(
         clear=figures["background"], transitions=figures["transitions"], background=found.background / max(found.past, 1),
         silhouette=found.differ / max(found.rays, 1), least=least(share), divergence=divergence,
-        blind=apart(VISIONS), normal=apart(VISIONS[:1]), seconds=record["wall_s"],
+        blind=apart(VISIONS), normal=apart(VISIONS[:1]), edges=found.edges / max(found.borders, 1), seconds=record["wall_s"],
         ramp=(ramp.background / max(ramp.past, 1), ramp.differ / max(ramp.rays, 1), least(ramp_share)), colours=colour, share=share)
 
 
@@ -236,8 +254,8 @@ def main():
     words.add_argument("--view", default="25,15")
     words.add_argument("--noise", action="store_true")
     given = words.parse_args()
-    print("| scan | K | clear | transitions | background | silhouette | least / asked | divergence | ΔE₀₀, any vision | normal | ΔE₀₀ under noise | s | ramp: background, silhouette, least |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
+    print("| scan | K | clear | transitions | background | silhouette | least / asked | divergence | ΔE₀₀, any vision | normal | edges | ΔE₀₀ under noise | s | ramp: background, silhouette, least |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     params = None
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -255,7 +273,7 @@ def main():
                 noisy = under_noise(given.program, folder, values, spacing, k, given.palette, read(file), labels) if given.noise else np.nan
                 show = lambda list: " ".join(map(str, list)) or "–"
                 ramp = ", ".join(f"{x:.2f}" for x in row["ramp"])
-                print(f"| {name} | {k} | {show(row['clear'])} | {show(row['transitions'])} | {row['background']:.3f} | {100 * row['silhouette']:.1f} % | {row['least']:.2f} | {row['divergence']:.3f} | {row['blind']:.1f} | {row['normal']:.1f} | {noisy:.1f} | {row['seconds']:.2f} | {ramp} |", flush=True)
+                print(f"| {name} | {k} | {show(row['clear'])} | {show(row['transitions'])} | {row['background']:.3f} | {100 * row['silhouette']:.1f} % | {row['least']:.2f} | {row['divergence']:.3f} | {row['blind']:.1f} | {row['normal']:.1f} | {100 * row['edges']:.0f} % | {noisy:.1f} | {row['seconds']:.2f} | {ramp} |", flush=True)
                 if given.pictures:
                     given.pictures.mkdir(parents=True, exist_ok=True)
                     picture = given.pictures / f"{name}-{k}.png"
