@@ -10,9 +10,9 @@ half opaque and meet no matter, or the reverse, per ray that meets matter (voxel
 middle between the means of the background and of the nearest material); visibility over what is asked (the smaller of 5 % and half of what a
 material would cover alone), of the material where that is least; Kullback-Leibler divergence from the target that the program states;
 least CIEDE2000 between colours of materials that touch, over normal vision and three colour blindnesses, and in normal vision; of the pixels
-whose right or lower neighbour sees another material (that of the sample that is seen most, in rays more than half opaque), those with CIEDE2000 of 5 or more across two
-pixels; with
-`--noise` the greatest CIEDE2000 between the colours of materials and those of the same (the nearest in mean) under noise of 5 % of the range;
+whose right or lower neighbour becomes half opaque in another material, those with CIEDE2000 of 5 or more across two pixels; with
+`--noise`, under noise of 5 % of the range, the greatest CIEDE2000 between the colours of a material and of the one that it has more than half of its voxels
+in common with (of both together), how many have such a one, and the median over the pixels that are more than half opaque in both pictures;
 seconds of the stage. Needs nibabel, numpy and scipy.
 """
 import argparse, pathlib, sys, tempfile
@@ -144,7 +144,7 @@ class Looked:
     def __init__(self, count):
         self.by_class, self.alone, self.rays = np.zeros(count), np.zeros(count), 0
         self.background, self.past, self.differ = 0.0, 0, 0
-        self.borders, self.edges = 0, 0
+        self.borders, self.edges, self.pictures = 0, 0, []
 
     def count_edges(self, owner, opacity, colours):
         """Borders between materials in a picture, and those of them that are edges."""
@@ -174,9 +174,11 @@ def look(values, matter_of, spacing, alpha_of, class_of, materials, most, refere
             found.by_class[i] += visible[mine].sum()
             found.alone[i] += (1 - np.prod(1 - mine * of_step(most, exponent), axis=2))[matter].sum()
         if colour_of is not None:
-            most_seen = np.take_along_axis(owner, visible.argmax(axis=2)[..., None], axis=2)[..., 0]
+            half = (np.cumsum(visible, axis=2) > .5).argmax(axis=2)
+            met = np.take_along_axis(owner, half[..., None], axis=2)[..., 0]
             colours = np.stack([(visible * c).sum(axis=2) for c in colour_of(np.nan_to_num(value))], axis=-1)
-            found.count_edges(most_seen, opacity, colours)
+            found.count_edges(met, opacity, colours)
+            found.pictures.append(np.where(opacity[..., None] > .5, colours, np.nan))
         past = ~matter & inside.any(axis=2)
         found.background += opacity[past].sum()
         found.past += past.sum()
@@ -222,25 +224,31 @@ def judge(values, labels, spacing, transfer, record):
     return dict(
         clear=figures["background"], transitions=figures["transitions"], background=found.background / max(found.past, 1),
         silhouette=found.differ / max(found.rays, 1), least=least(share), divergence=divergence,
-        blind=apart(VISIONS), normal=apart(VISIONS[:1]), edges=found.edges / max(found.borders, 1), seconds=record["wall_s"],
+        blind=apart(VISIONS), normal=apart(VISIONS[:1]), edges=found.edges / max(found.borders, 1), pictures=found.pictures, seconds=record["wall_s"],
         ramp=(ramp.background / max(ramp.past, 1), ramp.differ / max(ramp.rays, 1), least(ramp_share)), colours=colour, share=share)
 
 
-def under_noise(program, folder, values, spacing, k, palette, plain, plain_labels):
-    """Greatest difference between colours of materials and those of the nearest in mean under noise."""
+def under_noise(program, folder, values, spacing, k, palette, plain, plain_labels, plain_pictures):
+    """Under noise: the greatest difference between the colours of a material and of its match, matches of materials, and the pixels' median difference."""
     noise = np.random.default_rng(1).normal(0, .05 * (values.max() - values.min()), values.shape)
     # Noise of a scan's own type, so that what its range says stays: values are clipped to it.
     noisy = np.clip(values + noise, values.min(), values.max()).astype(np.float32)
     nibabel.save(nibabel.Nifti1Image(noisy, np.diag([*spacing, 1])), folder / "noisy.nii")
     ivd(program, "import", folder / "noisy.nii", "-o", folder / "noisy.ivd")
     ivd(program, "segment", folder / "noisy.ivd", "--method", "kmvs", "--k", k, "-o", folder / "noisy-labels.ivd")
-    ivd(program, "atf", folder / "noisy.ivd", folder / "noisy-labels.ivd", "--palette", palette, "-o", folder / "noisy-t.ivd", "--cache", "off")
+    record = ivd(program, "atf", folder / "noisy.ivd", folder / "noisy-labels.ivd", "--palette", palette, "-o", folder / "noisy-t.ivd", "--cache", "off")
     labels, _ = arrays(program, folder, folder / "noisy-labels.ivd")
-    seen = lambda transfer, values, labels: [
-        (float(values[labels == e["class"]].mean()), number(e["rgb"])) for e in transfer["content"]["entries"] if e["opacity"] > 0]
-    there = seen(read(folder / "noisy-t.ivd"), noisy, labels)
-    nearest = lambda at: min(there, key=lambda other: abs(other[0] - at))[1]
-    return max((float(ciede2000(lab(rgb), lab(nearest(at)))) for at, rgb in seen(plain, values, plain_labels)), default=np.nan)
+    seen = lambda transfer: [(e["class"], number(e["rgb"])) for e in transfer["content"]["entries"] if e["opacity"] > 0]
+    there, changes = seen(read(folder / "noisy-t.ivd")), []
+    mine = seen(plain)
+    for own, rgb in mine:
+        for other, changed in there:
+            a, b = plain_labels == own, labels == other
+            if (a & b).sum() > .5 * (a | b).sum():
+                changes.append(float(ciede2000(lab(rgb), lab(changed))))
+    row = judge(noisy, labels, spacing, read(folder / "noisy-t.ivd"), record)
+    pixels = [ciede2000(lab(x), lab(y)) for x, y in zip(plain_pictures, row["pictures"])]
+    return f"{max(changes, default=np.nan):.1f} ({len(changes)} of {len(mine)}), {np.nanmedian(np.concatenate([p.ravel() for p in pixels])):.1f}"
 
 
 def main():
@@ -270,10 +278,10 @@ def main():
                 params = record["params"]
                 labels, _ = arrays(given.program, folder, label_file)
                 row = judge(values, labels, spacing, read(file), record)
-                noisy = under_noise(given.program, folder, values, spacing, k, given.palette, read(file), labels) if given.noise else np.nan
+                noisy = under_noise(given.program, folder, values, spacing, k, given.palette, read(file), labels, row["pictures"]) if given.noise else "–"
                 show = lambda list: " ".join(map(str, list)) or "–"
                 ramp = ", ".join(f"{x:.2f}" for x in row["ramp"])
-                print(f"| {name} | {k} | {show(row['clear'])} | {show(row['transitions'])} | {row['background']:.3f} | {100 * row['silhouette']:.1f} % | {row['least']:.2f} | {row['divergence']:.3f} | {row['blind']:.1f} | {row['normal']:.1f} | {100 * row['edges']:.0f} % | {noisy:.1f} | {row['seconds']:.2f} | {ramp} |", flush=True)
+                print(f"| {name} | {k} | {show(row['clear'])} | {show(row['transitions'])} | {row['background']:.3f} | {100 * row['silhouette']:.1f} % | {row['least']:.2f} | {row['divergence']:.3f} | {row['blind']:.1f} | {row['normal']:.1f} | {100 * row['edges']:.0f} % | {noisy} | {row['seconds']:.2f} | {ramp} |", flush=True)
                 if given.pictures:
                     given.pictures.mkdir(parents=True, exist_ok=True)
                     picture = given.pictures / f"{name}-{k}.png"
