@@ -163,10 +163,10 @@ pub fn active_surface(
 fn frozen_model(finest: &Level, start: &Start, grid: &Grid, exec: &Exec) -> Result<Model, Error> {
     let mut inside = Tally::new(true);
     let mut value = [0.0];
-    for voxel in start.all(grid).into_iter().flatten() {
+    start.each(grid, start.bounds(grid), |voxel| {
         finest.row(grid.linear(VoxelIndex(voxel)), &mut value);
         inside.count_in(value[0]);
-    }
+    });
     let [mut others, _] = look::tallies(finest, &|_| false, true, exec)?;
     others.plus(-1.0, &inside);
     if inside.count < 2.0 || others.count < 1.0 {

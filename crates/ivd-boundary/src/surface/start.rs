@@ -167,10 +167,21 @@ impl Start {
         }
         let coarse = |voxel: [usize; 3]| -> [usize; 3] { std::array::from_fn(|a| voxel[a] / factor[a]) };
         let linear = move |[x, y, z]: [usize; 3]| x + level_dims[0] * (y + level_dims[1] * z);
-        let mut touched = vec![false; level_dims.iter().product()];
-        let voxels = self.all(grid);
-        let count: usize = voxels.iter().map(Vec::len).sum();
-        voxels.into_iter().flatten().for_each(|voxel| touched[linear(coarse(voxel))] = true);
+        // Of every coarse layer the voxels that the start touches, and how many finer ones it has there.
+        let layer = level_dims[0] * level_dims[1];
+        let layers = parallel::map(level_dims[2], &|z| {
+            let (mut touched, mut count) = (vec![false; layer], 0_usize);
+            let from = [low[0], low[1], low[2].max(z * factor[2])];
+            let to = [high[0], high[1], high[2].min((z + 1) * factor[2])];
+            self.each(grid, [from, to], |voxel| {
+                let [x, y, _] = coarse(voxel);
+                touched[x + level_dims[0] * y] = true;
+                count += 1;
+            });
+            (touched, count)
+        });
+        let count: usize = layers.iter().map(|(_, count)| count).sum();
+        let touched: Vec<bool> = layers.into_iter().flat_map(|(touched, _)| touched).collect();
         let each = factor.iter().product::<usize>();
         let held = (0..touched.len())
             .filter(|&i| {
@@ -184,15 +195,14 @@ impl Start {
         Box::new(move |voxel| is_near(voxel) && by_middle(voxel))
     }
 
-    /// Its voxels, by layers.
-    pub(super) fn all(&self, grid: &Grid) -> Vec<Vec<[usize; 3]>> {
+    /// Hands on its voxels between two corners (the lowest, and one past the highest).
+    pub(super) fn each(&self, grid: &Grid, [low, high]: [[usize; 3]; 2], mut of: impl FnMut([usize; 3])) {
         let holds = self.voxels(grid, [1; 3]);
-        let [low, high] = self.bounds(grid);
-        parallel::map(high[2].saturating_sub(low[2]), &|layer| {
-            let z = low[2] + layer;
-            let of = |y: usize| (low[0]..high[0]).map(move |x| [x, y, z]);
-            (low[1]..high[1]).flat_map(of).filter(|&voxel| holds(voxel)).collect()
-        })
+        for z in low[2]..high[2] {
+            for y in low[1]..high[1] {
+                (low[0]..high[0]).map(|x| [x, y, z]).filter(|&voxel| holds(voxel)).for_each(&mut of);
+            }
+        }
     }
 
     /// The point that a start stands about, which it holds.
