@@ -53,7 +53,7 @@ def dice(mask, truth):
 
 
 def far(level, shape):
-    """Mean distance (voxels) of the zeros along the axes from the surface."""
+    """Mean distance (voxels) of the zeros along the axes from the surface, and the mean with its sign, above 0 outside."""
     n = len(level)
     found = []
     for axis in range(3):
@@ -66,8 +66,13 @@ def far(level, shape):
         zyx = np.empty_like(place)
         zyx[:, order] = place
         x, y, z = (zyx[:, 2 - i] - (n - 1) / 2 - SHIFT[i] for i in range(3))
-        found.append(np.abs(distance(shape, (x, y, z), n)))
-    return np.concatenate(found).mean()
+        found.append(distance(shape, (x, y, z), n))
+    found = np.concatenate(found)
+    return np.abs(found).mean(), found.mean()
+
+
+class Refused(Exception):
+    """The program says that there is no boundary."""
 
 
 class Ours:
@@ -81,7 +86,7 @@ class Ours:
         words = [self.program, "surface", path, "f32", dims, json.dumps(params), repeats, mask, level]
         done = subprocess.run([*map(str, words)], capture_output=True, text=True)
         if done.returncode:
-            raise RuntimeError(done.stderr)
+            raise (Refused if "no boundary is found" in done.stderr else RuntimeError)(done.stderr)
         told = json.loads(done.stdout)
         told["mask"] = np.fromfile(mask, np.uint8).reshape(volume.shape) != 0
         told["level"] = np.fromfile(level, np.float32).reshape(volume.shape)
@@ -172,7 +177,7 @@ def compare(ours, rounds, cases):
             for peer, (_, _, work) in peers.items():
                 times[peer].append(timed(work)[1])
         own = np.median(mine, axis=0)
-        note = f"{1e3 * own[0]:.0f} ms wall, {1e3 * own[1]:.0f} ms processor; {far(told['level'], shape):.3f} voxels; μ {told['mu']:.2f}; {told['peak_mib']:.0f} MiB"
+        note = f"{1e3 * own[0]:.0f} ms wall, {1e3 * own[1]:.0f} ms processor; {far(told['level'], shape)[0]:.3f} voxels; μ {told['mu']:.2f}; {told['peak_mib']:.0f} MiB"
         print(f"| {name} | ours | {dice(told['mask'], truth):.4f} | 1 | 1 | {note} |", flush=True)
         for peer, (best, value, _) in peers.items():
             ratio = np.median(times[peer], axis=0) / own
@@ -229,7 +234,7 @@ def certify(ours):
         area = "corners" if neighbours == 26 else "faces"
         try:
             told = ours(volume, 1, area=area, fill_holes=False)
-        except RuntimeError:
+        except Refused:
             print(f"| {shape}, σ {sigma} | {neighbours} | refused: taken for noise | | | | |", flush=True)
             continue
         compared += 1
@@ -259,7 +264,7 @@ def blurred(ours):
         d = distances(shape, n)
         clean = np.clip(0.5 - d / 8, 0, 1)
         for of_magnitudes in (True, False):
-            for sigma in (0.05, 0.1, 0.2):
+            for sigma in (0.05, 0.1, 0.2, 0.3):
                 draw = np.random.default_rng(7)
                 noise = [draw.normal(0, sigma, clean.shape) for _ in range(2)]
                 noisy = np.hypot(clean + noise[0], noise[1]).clip(0, 1) if of_magnitudes else clean + noise[0]
@@ -269,8 +274,9 @@ def blurred(ours):
                     how = {"data": "likelihood", "distribution": distribution} if distribution else {}
                     try:
                         told = ours(noisy.astype(np.float32), 1, **how)
-                        found.append(f"{far(told['level'], shape):.3f}, {dice(told['mask'], d < 0):.4f}")
-                    except RuntimeError:
+                        off, bias = far(told["level"], shape)
+                        found.append(f"{off:.3f}, {bias:+.3f}, {dice(told['mask'], d < 0):.4f}")
+                    except Refused:
                         found.append("refused")
                 kind = "of magnitudes" if of_magnitudes else "normal"
                 print(f"| {shape} | {kind}, {sigma} | {' | '.join(found)} |", flush=True)

@@ -48,3 +48,25 @@ pub(super) fn scaled_bessel_1(x: f64) -> f64 {
 pub(super) fn bessel_ratio(x: f64) -> f64 {
     scaled_bessel_1(x) / ln_scaled_bessel(x).exp()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_tables_come_out_on_either_side_of_where_the_series_meet() {
+        // I₀(x) and I₁(x) (Abramowitz & Stegun, tables 9.8 and 9.11).
+        for (x, zero, one) in [
+            (0.0, 1.0, 0.0),
+            (1.0, 1.266_065_878, 0.565_159_104),
+            (3.0, 4.880_792_586, 3.953_370_217),
+            (5.0, 27.239_871_82, 24.335_642_14),
+            (10.0, 2_815.716_628, 2_670.988_304),
+        ] {
+            assert!((ln_scaled_bessel(x) - (f64::ln(zero) - x)).abs() < 3e-7, "{x}");
+            assert!((bessel_ratio(x) - one / zero).abs() < 3e-7, "{x}");
+        }
+        // For large x the ratio is 1 − 1/(2x).
+        assert!((bessel_ratio(1e5) - (1.0 - 0.5e-5)).abs() < 1e-6);
+    }
+}

@@ -19,9 +19,9 @@ const PATIENCE: usize = 1;
 /// Share of the border's energy by which a step must lower the whole to count.
 const GAIN: f64 = 1e-3;
 
-/// Times at each resolution that a mixture's border is brought back to where voxels of half and half lie. The area's weight draws a border that curves inwards;
-/// where values rise slowly across it, by much of a voxel: what its whole length is drawn in by is made up for.
-const TILTS: u32 = 1;
+/// Share of the contrast by which a mixture's border is brought back at most to where voxels of half and half lie, once at each resolution. The area's weight draws a
+/// border that curves inwards; where values rise slowly across it, by much of a voxel: what its whole length is drawn in by is made up for.
+const MOST_TILT: f64 = 0.5;
 
 /// What a descent goes by, the same at all resolutions.
 pub(super) struct Settings<'a> {
@@ -42,12 +42,15 @@ impl Settings<'_> {
         let noise = self.params.distribution.and_then(Distribution::noise_of_mixture);
         let Some(noise) = noise.filter(|_| self.frozen.is_none()) else { return Ok(None) };
         let found = Mixture::fit(&all.bins, noise).ok_or_else(|| {
-            let remedy = "give another distribution, or a window";
-            Error::no_boundary("the values aren't a mixture of two", remedy)
+            let problem = "the values aren't a mixture of two, as `distribution` says";
+            Error::no_boundary(problem, "give another distribution, or a window about the two values")
         })?;
         Ok(Some(found))
     }
 }
+
+/// Why there is a set to go on from.
+const ACCEPTED: &str = "the first pair is accepted";
 
 /// Where a descent stands.
 pub(super) struct Descent {
@@ -113,12 +116,16 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
     let (mut steps, mut weight) = (None::<Steps>, None::<f64>);
     let mut kept = None;
     let mut stalled = 0;
-    let (mut tilt, mut tilts) = (0.0, 0);
+    let (mut tilt, mut is_brighter) = (None, None);
     loop {
         let sides = sides(&looks, &inner, &total);
         let model = match (&settings.frozen, &mixture) {
             (Some(frozen), _) => frozen.clone(),
-            (None, Some(mixture)) => Model::mixed(mixture, sides.inside.mean() >= sides.outside.mean(), tilt),
+            (None, Some(mixture)) => {
+                // Sides don't change places on the way.
+                let is_brighter = *is_brighter.get_or_insert(sides.inside.mean() >= sides.outside.mean());
+                Model::mixed(mixture, is_brighter, tilt.unwrap_or(0.0))
+            }
             (None, None) => {
                 let distribution = params.distribution.unwrap_or_default();
                 Model::fit(&sides.inside, &sides.outside, params.data, distribution)
@@ -152,14 +159,17 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
             break;
         }
         if stalled >= PATIENCE {
-            if mixture.is_none() || tilts == TILTS {
-                break;
-            }
-            tilt = band.force_at_front(&looks);
-            tilts += 1;
+            let (Some(mixture), None) = (&mixture, tilt) else { break };
+            let (sides, force) = kept.take().expect(ACCEPTED);
+            let most = MOST_TILT * sides.contrast(&force).max(0.0);
+            let found = band.force_at_front(&best).clamp(-most, most);
+            let tilted = Model::mixed(mixture, is_brighter.expect("it is set above"), found);
+            tilt = Some(found);
             stalled = 0;
-            energies.clear();
-            continue;
+            // What is best so far is what others have to be better than, by the new costs too.
+            energies = vec![tilted.cost(&sides.inside, &sides.outside) + mu * sides.area];
+            band.act(&tilted.force());
+            kept = Some((sides, tilted.force()));
         }
         for _ in 0..BETWEEN.min(params.sweeps - sweeps) {
             band.sweep(steps, exec)?;
@@ -172,7 +182,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
         }
     }
     complete(&mut best, &band);
-    let (sides, force) = kept.expect("the first pair is accepted");
+    let (sides, force) = kept.expect(ACCEPTED);
     let mu = weight.expect("it is set before the first pair");
     band.act(&force);
     let noise = band.noise(level.edges) / (2.0 * sides.contrast(&force).max(LEAST_CONTRAST));
@@ -279,15 +289,18 @@ impl Band {
     }
 
     /// Mean force at the border of a set, between voxels of one brick.
-    fn force_at_front(&self, looks: &[Look]) -> f64 {
+    fn force_at_front(&self, sets: &[Bits]) -> f64 {
         let (mut sum, mut count) = (0.0, 0_u64);
-        for (slot, look) in looks.iter().enumerate() {
+        for (slot, bits) in sets.iter().enumerate() {
+            if bits.iter().all(|row| *row == 0) || bits.iter().all(|row| *row == u64::MAX) {
+                continue;
+            }
             let (values, force) = (&self.values[slot], &self.force[slot]);
             for axis in 0..3 {
                 let stride = BRICK.pow(axis as u32);
                 for i in (0..CUBE).filter(|&i| within_brick(i)[axis] + 1 < BRICK) {
                     let j = i + stride;
-                    let is_front = is_inside(&look.bits, i) != is_inside(&look.bits, j);
+                    let is_front = is_inside(bits, i) != is_inside(bits, j);
                     if is_front && !values[i].is_nan() && !values[j].is_nan() {
                         sum += 0.5 * f64::from(force[i] + force[j]);
                         count += 1;

@@ -25,6 +25,8 @@ pub(super) struct Mixture {
     variance: f64,
     /// Of the lower value, of the higher one, of those between.
     shares: [f64; 3],
+    /// Whether the lower one is held at 0.
+    is_dark: bool,
 }
 
 /// Steps between the two values.
@@ -36,6 +38,8 @@ const BEYOND: usize = BINS / 2;
 const ROUNDS: usize = 100;
 /// Gain in likelihood (nats a voxel) by which a round must improve.
 const GAIN: f64 = 1e-7;
+/// Share of the voxels that may have any value, metal or a dead detector: they say nothing of the two.
+const OUTLIERS: f64 = 1e-3;
 /// Gain (nats a voxel) for which a background of magnitudes has a signal. Below, weak signals and none can't be told apart, while a
 /// background without any is what air in a magnetic resonance is.
 const SIGNAL: f64 = 5e-3;
@@ -58,7 +62,8 @@ impl Mixture {
             return found.sound();
         }
         let [low, high] = start.values;
-        let without = Self { values: [0.0, high], variance: (0.5 * low * low).max(start.variance), ..start };
+        let variance = (0.5 * low * low).max(start.variance);
+        let without = Self { values: [0.0, high], variance, is_dark: true, ..start };
         let (dark, likelihood_of_dark) = without.improved(bins);
         let is_better = likelihood > likelihood_of_dark + SIGNAL;
         if is_better { found.sound() } else { dark.sound().or_else(|| found.sound()) }
@@ -94,7 +99,7 @@ impl Mixture {
         }
         let (gain, low, high) = best?;
         let variance = ((vv - v * v / n) / n - gain).max(LEAST_SPREAD * LEAST_SPREAD);
-        Some(Self { noise, values: [low, high], variance, shares: [0.4, 0.4, 0.2] })
+        Some(Self { noise, values: [low, high], variance, shares: [0.4, 0.4, 0.2], is_dark: false })
     }
 
     /// Middles of the bins and of those beyond.
@@ -141,20 +146,24 @@ impl Mixture {
         found
     }
 
-    /// Rounds of expectation and maximisation, and the log of the likelihood that they come to (nats a voxel).
-    fn improved(mut self, bins: &[f64]) -> (Self, f64) {
+    /// The likeliest that rounds of expectation and maximisation come to, and the log of its likelihood (nats a voxel).
+    fn improved(self, bins: &[f64]) -> (Self, f64) {
         let places = self.places();
         let total: f64 = bins.iter().sum();
-        let mut before = f64::NEG_INFINITY;
+        let mut best = (self.clone(), f64::NEG_INFINITY);
+        let mut here = self;
         for _ in 0..ROUNDS {
-            let (next, likelihood) = self.round(bins, &places, total);
-            if likelihood.is_nan() || likelihood < before + GAIN {
+            let (next, likelihood) = here.round(bins, &places, total);
+            let gain = likelihood - best.1;
+            if likelihood > best.1 {
+                best = (here, likelihood);
+            }
+            if gain.is_nan() || gain < GAIN {
                 break;
             }
-            before = likelihood;
-            self = next;
+            here = next;
         }
-        (self, before)
+        best
     }
 
     /// The likelihood (nats a voxel) of these values, and better ones.
@@ -172,15 +181,15 @@ impl Mixture {
             }
         }
         let all: Vec<f64> = (0..places.len()).map(|i| joint.iter().map(|row| row[i]).sum()).collect();
-        let seen = self.within(&all);
-        let tiny = f64::MIN_POSITIVE;
-        let likelihood = bins.iter().zip(&seen).map(|(n, p)| n * p.max(tiny).ln()).sum::<f64>() / total;
+        let any = OUTLIERS / BINS as f64;
+        let seen: Vec<f64> = self.within(&all).iter().map(|p| (1.0 - OUTLIERS) * p + any).collect();
+        let likelihood = bins.iter().zip(&seen).map(|(n, p)| n * p.ln()).sum::<f64>() / total;
         // Voxels per unit of probability at every place.
         let from = self.before();
         let per: Vec<f64> = (0..places.len())
             .map(|i| {
                 let bin = i.saturating_sub(from).min(BINS - 1);
-                bins[bin] / seen[bin].max(tiny)
+                (1.0 - OUTLIERS) * bins[bin] / seen[bin]
             })
             .collect();
         // Of every state: voxels, sum of the values without their noise's turn, sum of squares.
@@ -203,11 +212,12 @@ impl Mixture {
         let n = moment(&|s| counts[s]);
         let [s, ss] = [moment(&|s| part(s) * counts[s]), moment(&|s| part(s).powi(2) * counts[s])];
         let [y, sy] = [moment(&|s| sums[s]), moment(&|s| part(s) * sums[s])];
-        let slope = (n * sy - s * y) / (n * ss - s * s);
+        let mut slope = (n * sy - s * y) / (n * ss - s * s);
         let mut first = (y - slope * s) / n;
-        if self.noise == Noise::Rician {
-            first = first.max(0.0);
+        if self.is_dark || (self.noise == Noise::Rician && first < 0.0) {
+            (first, slope) = (0.0, sy / ss);
         }
+        slope = slope.max(0.0);
         let next = Self { values: [first, first + slope], ..self.clone() };
         let rest = moment(&|s| next.value(s) * (next.value(s) * counts[s] - 2.0 * sums[s]));
         let dimensions = if self.noise == Noise::Rician { 2.0 } else { 1.0 };
@@ -287,7 +297,8 @@ mod tests {
             (Noise::Rician, [0.3, 1.0], 0.05),
         ] {
             for shares in [[0.8, 0.1, 0.1], [0.3, 0.5, 0.2], [0.5, 0.5, 0.0]] {
-                let truth = Mixture { noise, values, variance: deviation * deviation, shares };
+                let truth =
+                    Mixture { noise, values, variance: deviation * deviation, shares, is_dark: false };
                 let found = Mixture::fit(&histogram(&truth), noise).unwrap();
                 let close = |a: f64, b: f64, by: f64| (a - b).abs() <= by;
                 // Shares are told poorly where much is cut off; it is the two values that place the border.
@@ -299,10 +310,56 @@ mod tests {
         }
     }
 
+    /// Two values, a tenth of the voxels between them, with noise that is drawn, by what the histogram of a volume would be.
+    fn drawn(noise: Noise, values: [f64; 2], deviation: f64) -> Vec<f64> {
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        };
+        let mut bins = vec![0.0; BINS];
+        for i in 0..300_000 {
+            let share = match i % 10 {
+                0..=5 => 0.0,
+                6..=8 => 1.0,
+                _ => uniform(),
+            };
+            let value = values[0] + share * (values[1] - values[0]);
+            let (length, angle) =
+                ((-2.0 * uniform().ln()).sqrt() * deviation, std::f64::consts::TAU * uniform());
+            let along = value + length * angle.cos();
+            let seen = if noise == Noise::Rician { along.hypot(length * angle.sin()) } else { along };
+            bins[((seen * BINS as f64) as usize).min(BINS - 1)] += 1.0;
+        }
+        bins
+    }
+
+    #[test]
+    fn values_that_are_neither_dont_move_the_two() {
+        for (noise, values, deviation) in [
+            (Noise::Gaussian, [0.05, 0.3], 0.002),
+            (Noise::Gaussian, [0.05, 0.3], 0.01),
+            (Noise::Gaussian, [0.2, 0.5], 0.05),
+            (Noise::Rician, [0.0, 0.3], 0.01),
+            (Noise::Rician, [0.1, 0.5], 0.05),
+        ] {
+            for outliers in [0.0, 3.0, 5.0, 40.0, 300.0] {
+                let mut bins = drawn(noise, values, deviation);
+                bins[BINS - 1] += outliers;
+                let found = Mixture::fit(&bins, noise).unwrap();
+                // A bin is 0.004 wide.
+                let is_close = (0..2).all(|i| (found.values[i] - values[i]).abs() <= 0.005 + 0.1 * deviation)
+                    && (found.variance.sqrt() - deviation).abs() <= 0.002 + 0.1 * deviation;
+                assert!(is_close, "{found:?} for {values:?}, {deviation}, {outliers} outliers");
+            }
+        }
+    }
+
     #[test]
     fn a_voxel_of_half_and_half_costs_as_much_on_either_side() {
         for noise in [Noise::Gaussian, Noise::Rician] {
-            let mixture = Mixture { noise, values: [0.0, 1.0], variance: 0.04, shares: [0.8, 0.1, 0.1] };
+            let shares = [0.8, 0.1, 0.1];
+            let mixture = Mixture { noise, values: [0.0, 1.0], variance: 0.04, shares, is_dark: false };
             let [lower, higher] = mixture.costs();
             let mean = |value: f64| {
                 let spread = mixture.within(&mixture.spread(value, &mixture.places()));

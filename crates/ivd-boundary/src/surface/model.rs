@@ -33,11 +33,14 @@ impl Side {
         }
         match distribution {
             Distribution::Histogram => Self::Table(smoothed(&tally.bins)),
-            Distribution::Gaussian | Distribution::GaussianMixture => {
+            Distribution::Gaussian => {
                 let variance = tally.variance().max(LEAST_SPREAD * LEAST_SPREAD);
                 Self::Quadratic { mean: tally.mean(), weight: 0.5 / variance, offset: 0.5 * variance.ln() }
             }
-            Distribution::Rician | Distribution::RicianMixture => Self::Table(rician(tally)),
+            Distribution::Rician => Self::Table(rician(tally)),
+            Distribution::GaussianMixture | Distribution::RicianMixture => {
+                unreachable!("a mixture is of both sides: `Model::mixed`")
+            }
         }
     }
 
