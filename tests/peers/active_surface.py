@@ -86,7 +86,7 @@ class Ours:
         words = [self.program, "surface", path, "f32", dims, json.dumps(params), repeats, mask, level]
         done = subprocess.run([*map(str, words)], capture_output=True, text=True)
         if done.returncode:
-            raise (Refused if "no boundary is found" in done.stderr else RuntimeError)(done.stderr)
+            raise (Refused if "NoBoundary" in done.stderr else RuntimeError)(done.stderr)
         told = json.loads(done.stdout)
         told["mask"] = np.fromfile(mask, np.uint8).reshape(volume.shape) != 0
         told["level"] = np.fromfile(level, np.float32).reshape(volume.shape)

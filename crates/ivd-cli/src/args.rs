@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser as _;
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use ivd_io::volume::VoxelAxes;
+use ivd_pipeline::Depth;
 use ivd_pipeline::scene::{Override, triple};
 
 use crate::parse::{self, Frames};
@@ -193,6 +194,10 @@ pub(crate) enum Command {
         /// has volumes. glb has its own, metres with y up.
         #[arg(long, value_enum)]
         space: Option<MeshSpace>,
+        /// Of an image whose light was kept (render --keep-light): bits of a channel of a png. With 16 it holds the light in 65,536 levels, where an image has 256, without background, letters
+        /// and outline, as exr does. Default: 8.
+        #[arg(long, value_name = "8|16", value_parser = parse::depth)]
+        depth: Option<Depth>,
     },
     /// Describes what a file holds.
     Info {

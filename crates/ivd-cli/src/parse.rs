@@ -4,6 +4,7 @@ use std::path::Path;
 
 use ivd_core::ParamError;
 use ivd_io::volume::VoxelAxes;
+use ivd_pipeline::Depth;
 use ivd_pipeline::params::from_toml;
 use ivd_pipeline::scene::{MAX_SCENE_BYTES, read_text_limited, truncate_lines};
 use toml::Table;
@@ -47,6 +48,15 @@ pub(crate) fn frames(text: &str) -> Result<Frames, String> {
             .parse()
             .map(Frames::One)
             .map_err(|_| format!("`{text}`: write the number of a frame, counted from 0, or all")),
+    }
+}
+
+/// Bits of a channel of a PNG.
+pub(crate) fn depth(text: &str) -> Result<Depth, String> {
+    match text.trim() {
+        "8" => Ok(Depth::Eight),
+        "16" => Ok(Depth::Sixteen),
+        _ => Err(format!("`{text}`: write 8 or 16")),
     }
 }
 

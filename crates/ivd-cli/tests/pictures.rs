@@ -191,3 +191,86 @@ fn an_exr_holds_the_light_that_the_png_is_made_of() {
     assert!(code == 2 && told.contains("--keep-light"), "{told}");
     assert_eq!(json(at, &["compare", "plain.ivd", "light.ivd"])["max"], 0.0);
 }
+
+#[test]
+fn a_png_of_16_bits_is_of_light_that_was_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    json(at, &["phantom", "head", "--size", "24", "-o", "v.ivd"]);
+    let kept = ["render", "v.ivd", "--mode", "mip", "--size", "16", "--keep-light", "-o", "light.ivd"];
+    json(at, &kept);
+    let export =
+        |depth: &str, output: &str| json(at, &["export", "light.ivd", "--depth", depth, "-o", output]);
+    export("8", "eight.png");
+    export("16", "sixteen.png");
+    // The depth of a PNG is byte 24 of the file.
+    assert_eq!([bytes(at, "eight.png")[24], bytes(at, "sixteen.png")[24]], [8, 16]);
+    json(at, &["render", "v.ivd", "--mode", "mip", "--size", "16", "-o", "plain.ivd"]);
+    for (words, told) in [
+        ("export plain.ivd --depth 16 -o x.png", "--keep-light"),
+        ("export light.ivd --depth 12 -o x.png", "8 or 16"),
+        ("export light.ivd --depth 16 -o x.gif", "--depth"),
+        ("export v.ivd --depth 16 -o x.nii", "--depth"),
+    ] {
+        let (code, text) = refused(at, &words.split(' ').collect::<Vec<_>>());
+        assert!(code == 2 && text.contains(told), "{words}: {code} {text}");
+    }
+}
+
+#[test]
+fn before_and_after_are_put_side_by_side_and_wiped() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let run = |output: &str, more: &[&str]| {
+        std::fs::write(at.join("scene.toml"), format!("{SCENE}[output]\n{output}\n")).unwrap();
+        json(at, &[&["pipeline", "scene.toml", "--out", "out"][..], more].concat())
+    };
+    let sides = "side_by_side = \"both.png\"\nwipe = \"wipe.gif\"";
+    let record = run(sides, &[]);
+    // A PNG's width and height are its words from byte 16 on.
+    let both = bytes(at, "out/both.png");
+    let word = |at: usize| u32::from_be_bytes(both[at..at + 4].try_into().unwrap());
+    assert_eq!([word(16), word(20)], [2 * 96 + 2, 96]);
+    assert!(bytes(at, "out/wipe.gif").starts_with(b"GIF89a"));
+    let written: Vec<&str> =
+        record["outputs"].as_array().unwrap().iter().map(|o| o["name"].as_str().unwrap()).collect();
+    assert_eq!(written, ["side_by_side", "wipe"], "nothing that wasn't asked for: {record}");
+    // What is there already isn't made again; another view makes it anew.
+    assert!(run(sides, &[])["outputs"].as_array().unwrap().iter().all(|o| o["written"] == false));
+    run(sides, &["--set", "render.view=right"]);
+    assert_ne!(bytes(at, "out/both.png"), both);
+    let refused_with = |output: &str, more: &[&str]| {
+        std::fs::write(at.join("scene.toml"), format!("{SCENE}[output]\n{output}\n")).unwrap();
+        refused(at, &[&["pipeline", "scene.toml", "--out", "out"][..], more].concat())
+    };
+    for (output, more, told) in [
+        ("wipe = \"a.exr\"", &[][..], "written as .gif, .apng, .png"),
+        ("side_by_side = \"a.jpg\"", &[], "written as .gif, .apng, .png"),
+        ("wipe = \"a.gif\"", &["--set", "render.turntable=3"], "render.turntable"),
+        ("wipe = \"a.gif\"\nside_by_side = \"a.gif\"", &[], "would both write"),
+    ] {
+        let (code, text) = refused_with(output, more);
+        assert!(code == 2 && text.contains(told), "{output}: {code} {text}");
+    }
+    let still = SCENE.split("[[deform.handle]]").next().unwrap();
+    std::fs::write(at.join("scene.toml"), format!("{still}[output]\nwipe = \"a.gif\"\n")).unwrap();
+    let (code, text) = refused(at, &["pipeline", "scene.toml", "--out", "out"]);
+    assert!(code == 2 && text.contains("output.wipe shows a deformation"), "{text}");
+}
+
+#[test]
+fn marks_that_a_picture_cannot_have_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    stages(at);
+    let (code, text) =
+        refused(at, &["render", "v.ivd", "--mode", "iso", "--iso", "90", "--legend", "-o", "x.png"]);
+    assert!(code == 2 && text.contains("legend"), "{text}");
+    let asked = ["--transfer", "t.ivd", "--legend", "--cube", "--antialias", "2"];
+    let background = ["--background", "1,1,1,1", "--background-bottom", "0.2,0.2,0.3,1", "--size", "96"];
+    json(at, &[&["render", "v.ivd", "-o", "marked.png"][..], &asked, &background].concat());
+    json(at, &["atf", "v.ivd", "l.ivd", "--axes", "value-gradient", "-o", "steep.ivd"]);
+    let steep = ["render", "v.ivd", "--transfer", "steep.ivd", "--legend", "-o", "x.png"];
+    let (code, text) = refused(at, &steep);
+    assert!(code == 2 && text.contains("axes = \"value\""), "{text}");
+}

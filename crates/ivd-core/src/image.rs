@@ -69,6 +69,11 @@ impl Image {
         &self.rgba
     }
 
+    /// The same, without a copy; what was kept beside them is left.
+    pub fn into_rgba(self) -> Vec<u8> {
+        self.rgba
+    }
+
     /// The light that the pictures were made of, where it was kept: premultiplied linear RGB with opacity, without what stands behind or was drawn over it, shape
     /// `[frames, height, width, 4]`.
     pub fn light(&self) -> Option<&[f32]> {

@@ -10,7 +10,7 @@ use ivd_io::Space;
 use ivd_io::transfer::Format;
 use ivd_io::volume::FieldDirection;
 
-use crate::{Error, describe, pictures};
+use crate::{Depth, Error, describe, pictures};
 
 /// Writes an artefact in the format of `path`'s ending. A file whose bytes would not change isn't touched.
 ///
@@ -38,6 +38,8 @@ pub struct ExportOptions<'a> {
     /// For a motion with its lattice: the frame that a mesh is written of, counted from 0; where none is given all, or the last in a
     /// format that holds one. For a picture: the one that is written of a turntable.
     pub frame: Option<usize>,
+    /// For a picture: how fine a png's levels are.
+    pub depth: Depth,
 }
 
 /// As [`export()`], with what may be chosen.
@@ -72,7 +74,10 @@ pub fn export_with(
         Artefact::Displacement(field) => write_field(path, field, options.direction, exec),
         Artefact::Image(image) => {
             let chosen = options.frame.map(|frame| picture_of(image, frame)).transpose()?;
-            write_bytes(path, &exec.run(|| pictures::bytes(path, chosen.as_ref().unwrap_or(image)))?)
+            write_bytes(
+                path,
+                &exec.run(|| pictures::bytes(path, chosen.as_ref().unwrap_or(image), options.depth))?,
+            )
         }
         Artefact::Motion(motion) => {
             let Some(lattice) = options.lattice else {

@@ -78,7 +78,7 @@ pub use node::run_node;
 pub use options::PipelineOptions;
 pub use outputs::OutputFile;
 pub use pictures::{
-    ANIMATION_ENDINGS, PICTURE_ENDINGS, animation_bytes, check_pictures, png_bytes, quick_png_bytes,
+    ANIMATION_ENDINGS, Depth, PICTURE_ENDINGS, animation_bytes, check_pictures, png_bytes, quick_png_bytes,
 };
 pub use pipeline::{PipelineReport, default_out, run, run_controlled};
 pub use runner::{OutputRecord, Runner, StageRecord, StageResult, State, figures_of};

@@ -20,7 +20,7 @@ use crate::plan::{NodeId, PlanNode};
 use crate::report::{self, ReportData};
 use crate::resource::MemoryWatch;
 use crate::runner::{Clock, OutputRecord, StageRecord, StageResult, State};
-use crate::scene::{Loaded, OF_FRAMES, Picture, REPORT, Scene, picture_file};
+use crate::scene::{Loaded, OF_FRAMES, Picture, REPORT, SIDE_BY_SIDE, Scene, WIPE, picture_file};
 use crate::{Error, Metrics, frame_file};
 
 /// Name of the file that remembers what the last run wrote.
@@ -141,7 +141,15 @@ impl<'a> Writer<'a> {
                 }
                 _ => done.hash.to_string(),
             };
-            if let Some(motion) = Motion::of(&done.artefact)
+            if key == SIDE_BY_SIDE || key == WIPE {
+                let Some((before, hash)) = beside::<Image>(node, earlier) else { continue };
+                let Some(after) = Image::of(&done.artefact) else { continue };
+                self.file(key, path, &format!("{source} {hash}"), |to, exec| {
+                    let made = if key == WIPE { ivd_render::wipe } else { ivd_render::side_by_side };
+                    let made = made(before, after, exec).map_err(Error::in_stage("export"))?;
+                    export(&made.into(), to, exec)
+                })?;
+            } else if let Some(motion) = Motion::of(&done.artefact)
                 && let Some((lattice, hash)) = beside(node, earlier)
             {
                 let source = format!("{source} {hash}");

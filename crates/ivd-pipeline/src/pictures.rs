@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use ivd_core::{ErrorClass, Image};
+use ivd_core::{ErrorClass, Image, srgb};
 use rayon::prelude::*;
 
 use crate::{Error, ending};
@@ -37,15 +37,35 @@ pub(crate) fn joined<'a>(pictures: impl Iterator<Item = &'a Image> + Clone) -> R
 /// Of these that which holds light, and one picture alone.
 const LIGHT: &str = "exr";
 
+/// Bits of a channel of a PNG.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Depth {
+    /// 8: the picture.
+    #[default]
+    Eight,
+    /// 16: the light that was kept of it.
+    Sixteen,
+}
+
 /// A picture as a file's bytes, in the format of its ending.
 ///
 /// # Errors
 /// A usage error for other endings, and for what the format can't hold.
-pub(crate) fn bytes(path: &Path, image: &Image) -> Result<Vec<u8>, Error> {
+pub(crate) fn bytes(path: &Path, image: &Image, depth: Depth) -> Result<Vec<u8>, Error> {
     check_pictures(path, image.frames(), image.light().is_some())?;
+    if depth == Depth::Sixteen && image.light().is_none() {
+        let problem = format!(
+            "{}: levels of 16 bits are of light, and none was kept: render with --keep-light",
+            path.display()
+        );
+        return Err(Error::usage("export", problem));
+    }
     match &*ending(path) {
         "gif" => gif_bytes(image, &|_| hundredths(image)),
         LIGHT => exr_bytes(image),
+        _ if depth == Depth::Sixteen => {
+            encoded(image, depth, png::Compression::default(), &|_| hundredths(image))
+        }
         _ => png_bytes(image),
     }
 }
@@ -93,7 +113,7 @@ pub fn animation_bytes(path: &Path, image: &Image, shown: &[u16]) -> Result<Vec<
     if ending == "gif" {
         gif_bytes(image, &shown)
     } else {
-        encoded(image, png::Compression::default(), &shown)
+        encoded(image, Depth::Eight, png::Compression::default(), &shown)
     }
 }
 
@@ -102,7 +122,7 @@ pub fn animation_bytes(path: &Path, image: &Image, shown: &[u16]) -> Result<Vec<
 /// # Errors
 /// A size that PNG files don't have.
 pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    encoded(image, png::Compression::default(), &|_| hundredths(image))
+    encoded(image, Depth::Eight, png::Compression::default(), &|_| hundredths(image))
 }
 
 /// The same, soon made rather than small: for pictures that are looked at once.
@@ -110,30 +130,56 @@ pub fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
 /// # Errors
 /// As [`png_bytes`].
 pub fn quick_png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    encoded(image, png::Compression::Fastest, &|_| hundredths(image))
+    encoded(image, Depth::Eight, png::Compression::Fastest, &|_| hundredths(image))
 }
 
 /// How long a frame is shown (s/100).
 type Shown<'a> = &'a (dyn Fn(usize) -> u16 + Sync);
 
-fn encoded(image: &Image, compression: png::Compression, shown: Shown<'_>) -> Result<Vec<u8>, Error> {
+fn encoded(
+    image: &Image,
+    depth: Depth,
+    compression: png::Compression,
+    shown: Shown<'_>,
+) -> Result<Vec<u8>, Error> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width() as u32, image.height() as u32);
     encoder.set_color(png::ColorType::Rgba);
-    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_depth(match depth {
+        Depth::Eight => png::BitDepth::Eight,
+        Depth::Sixteen => png::BitDepth::Sixteen,
+    });
     encoder.set_compression(compression);
     if image.frames() > 1 {
         encoder.set_animated(image.frames() as u32, 0).map_err(failed)?;
     }
     let mut writer = encoder.write_header().map_err(failed)?;
-    for (frame, pixels) in image.rgba().chunks_exact(4 * image.width() * image.height()).enumerate() {
+    let length = 4 * image.width() * image.height();
+    for frame in 0..image.frames() {
         if image.frames() > 1 {
             writer.set_frame_delay(shown(frame), 100).map_err(failed)?;
         }
-        writer.write_image_data(pixels).map_err(failed)?;
+        let part = frame * length..(frame + 1) * length;
+        match (depth, image.light()) {
+            (Depth::Sixteen, Some(light)) => writer.write_image_data(&in_words(&light[part])),
+            _ => writer.write_image_data(&image.rgba()[part]),
+        }
+        .map_err(failed)?;
     }
     writer.finish().map_err(failed)?;
     Ok(bytes)
+}
+
+/// Straight sRGB with opacity in big-endian words of 16 bits, as PNG has them, of premultiplied linear light.
+fn in_words(light: &[f32]) -> Vec<u8> {
+    let word = |share: f64| (share.clamp(0.0, 1.0) * f64::from(u16::MAX)).round() as u16;
+    let pixel = |pixel: &[f32]| {
+        let opacity = f64::from(pixel[3]);
+        let straight = if opacity > 0.0 { 1.0 / opacity } else { 0.0 };
+        let colour = |c: usize| word(srgb::encoded((f64::from(pixel[c]) * straight).clamp(0.0, 1.0)));
+        [colour(0), colour(1), colour(2), word(opacity)].map(u16::to_be_bytes).into_iter().flatten()
+    };
+    light.chunks_exact(4).flat_map(pixel).collect()
 }
 
 /// How long a picture of a turn is shown (s/100).
@@ -233,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_gif_has_all_frames_in_their_colours() {
-        let bytes = bytes(Path::new("turn.gif"), &turn()).unwrap();
+        let bytes = bytes(Path::new("turn.gif"), &turn(), Depth::Eight).unwrap();
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);
         let mut decoder = options.read_info(Cursor::new(bytes)).unwrap();
@@ -288,8 +334,31 @@ mod tests {
     }
 
     #[test]
+    fn a_png_of_16_bits_tells_levels_of_light_apart_that_8_bits_do_not() {
+        // Half covered, from a little less than half of white on.
+        let light: Vec<f32> = (0..12).flat_map(|i| [0.1 + 1e-5 * i as f32, 0.25, 0.5, 0.5]).collect();
+        let image = turn().frame(0).unwrap().with_light(light.clone()).unwrap();
+        let bytes = bytes(Path::new("a.png"), &image, Depth::Sixteen).unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
+        assert_eq!(reader.info().bit_depth, png::BitDepth::Sixteen);
+        let mut pixels = vec![0; 96];
+        reader.next_frame(&mut pixels).unwrap();
+        let words: Vec<u16> = pixels.chunks(2).map(|word| u16::from_be_bytes([word[0], word[1]])).collect();
+        for (pixel, light) in words.chunks(4).zip(light.chunks(4)) {
+            let back = |c: usize| 0.5 * srgb::linear(f64::from(pixel[c]) / 65535.0);
+            (0..3).for_each(|c| assert!((back(c) - f64::from(light[c])).abs() < 1e-5, "{pixel:?} {light:?}"));
+            assert_eq!(pixel[3], 32768);
+        }
+        assert!(words[0] < words[44], "12 levels within one of 8 bits");
+        let without = turn().frame(0).unwrap();
+        let refused = super::bytes(Path::new("a.png"), &without, Depth::Sixteen).unwrap_err();
+        assert!(refused.to_string().contains("--keep-light"));
+    }
+
+    #[test]
     fn what_a_format_does_not_hold_is_refused_with_a_remedy() {
-        let problem = |path: &str, image: &Image| bytes(Path::new(path), image).unwrap_err().to_string();
+        let problem =
+            |path: &str, image: &Image| bytes(Path::new(path), image, Depth::Eight).unwrap_err().to_string();
         assert!(problem("a.exr", &turn()).contains("--frame all"));
         assert!(problem("a.exr", &turn().frame(0).unwrap()).contains("--keep-light"));
         assert!(problem("a.jpg", &turn()).contains(".apng"));

@@ -2,6 +2,7 @@ use ivd_core::Image;
 use nalgebra::Vector3;
 
 use crate::camera::Camera;
+use crate::cube::Cube;
 use crate::font;
 
 /// Letters along +x, −x, +y, −y, +z, −z of world space.
@@ -9,19 +10,44 @@ const LETTERS: [[char; 2]; 3] = [['R', 'L'], ['A', 'P'], ['S', 'I']];
 /// Pictures with a shorter side below this have no room for letters (pixels).
 const LEAST_SIDE: usize = 48;
 
-/// Draws a scale bar at the bottom left and, where the world's axes are known to be the patient's, at each edge the letter of the body direction
-/// that it points to most.
-pub(crate) fn annotate(image: &Image, camera: &Camera, in_patient: bool) -> Image {
+/// What is drawn over a picture.
+#[derive(Default)]
+pub(crate) struct Marks<'a> {
+    /// A scale bar at the bottom left and, at each edge, the letter of the body direction that it points to most.
+    pub(crate) annotate: bool,
+    /// A cube at the top right with the letters of the body's directions on its sides.
+    pub(crate) cube: bool,
+    /// Whether the world's axes are known to be the patient's: where they aren't, nothing has letters, and there is no cube.
+    pub(crate) in_patient: bool,
+    /// What colours mean, at the bottom right.
+    pub(crate) bar: Option<&'a Bar<'a>>,
+}
+
+/// Draws marks over a picture, where that is large enough.
+pub(crate) fn annotate(image: Image, camera: &Camera, marks: &Marks<'_>) -> Image {
     let (width, height) = (image.width(), image.height());
     if width.min(height) < LEAST_SIDE {
-        return image.clone();
+        return image;
     }
     let mut canvas = Canvas::new(image);
-    if in_patient {
+    if marks.annotate && marks.in_patient {
         canvas.letters(camera.right, camera.up);
     }
-    canvas.scale_bar(camera.pixel_mm);
+    if marks.annotate {
+        canvas.scale_bar(camera.pixel_mm);
+    }
+    if marks.cube && marks.in_patient {
+        canvas.cube(&Cube::new(camera));
+    }
+    if let Some(bar) = marks.bar {
+        canvas.colour_bar(bar);
+    }
     canvas.into_image()
+}
+
+/// Letter along an axis of the patient, or against it.
+pub(crate) fn letter_along(axis: usize, against: bool) -> char {
+    LETTERS[axis][usize::from(against)]
 }
 
 /// Letter of the axis that a direction points along most.
@@ -33,7 +59,7 @@ fn letter(direction: Vector3<f64>) -> char {
             if direction[a].abs() > direction[best].abs() + 1e-9 { a } else { best }
         },
     );
-    LETTERS[axis][usize::from(direction[axis] < 0.0)]
+    letter_along(axis, direction[axis] < 0.0)
 }
 
 /// The longest of 1, 2, 5 · 10ⁿ mm that fits into `most` mm.
@@ -52,20 +78,17 @@ fn bar_length(most: f64) -> (f64, String) {
 /// A bar that says what colours mean.
 pub(crate) struct Bar<'a> {
     /// The colour at a share of it, 0…1.
-    pub(crate) colour: &'a dyn Fn(f64) -> [u8; 3],
-    /// What its ends mean, below 0 and above (mm).
-    pub(crate) most: f64,
+    pub(crate) colour: Box<dyn Fn(f64) -> [u8; 3] + 'a>,
+    /// What its ends mean.
+    pub(crate) ends: [String; 2],
 }
 
-/// Draws a bar of colours with its ends at the bottom right.
-pub(crate) fn with_bar(image: &Image, bar: &Bar<'_>) -> Image {
-    let (width, height) = (image.width(), image.height());
-    if width.min(height) < LEAST_SIDE {
-        return image.clone();
+impl<'a> Bar<'a> {
+    /// A bar from a length below 0 to one above (mm).
+    pub(crate) fn of_length(colour: impl Fn(f64) -> [u8; 3] + 'a, most: f64) -> Self {
+        let (_, most) = bar_length(most);
+        Self { colour: Box::new(colour), ends: [format!("-{}", most.trim_end_matches(" mm")), most] }
     }
-    let mut canvas = Canvas::new(image);
-    canvas.colour_bar(bar);
-    canvas.into_image()
 }
 
 struct Canvas {
@@ -77,9 +100,9 @@ struct Canvas {
 }
 
 impl Canvas {
-    fn new(image: &Image) -> Self {
+    fn new(image: Image) -> Self {
         let (width, height) = (image.width(), image.height());
-        Self { width, height, size: (width.min(height) / 256).max(1), rgba: image.rgba().to_vec() }
+        Self { width, height, size: (width.min(height) / 256).max(1), rgba: image.into_rgba() }
     }
 
     fn into_image(self) -> Image {
@@ -136,11 +159,10 @@ impl Canvas {
     /// A bar of colours as wide as a quarter of the picture, or as its ends over it need; none where there is no room.
     fn colour_bar(&mut self, bar: &Bar<'_>) {
         let (size, high) = (self.size, 4 * self.size);
-        let (_, most) = bar_length(bar.most);
-        let least = format!("-{}", most.trim_end_matches(" mm"));
+        let [least, most] = &bar.ends;
         let letters = |text: &str| text.len() * (font::WIDTH + 1) * size;
         // Both ends have room, with a letter between them.
-        let wide = (self.width / 4).max(letters(&least) + letters(&most) + letters(" "));
+        let wide = (self.width / 4).max(letters(least) + letters(most) + letters(" "));
         let Some(x) = self.width.checked_sub(wide + 3 * size).filter(|x| *x > 0) else { return };
         let y = self.height - high - 3 * size;
         self.block(x - 1, y - 1, wide + 2, high + 2, 0);
@@ -149,8 +171,26 @@ impl Canvas {
             (0..high).for_each(|dy| self.dot(x + dx, y + dy, colour));
         }
         let above = y - (font::HEIGHT + 2) * size;
-        self.text(x, above, &least);
-        self.text(x + wide - letters(&most), above, &most);
+        self.text(x, above, least);
+        self.text(x + wide - letters(most), above, most);
+    }
+
+    /// A cube at the top right, a sixth of the shorter side at most.
+    fn cube(&mut self, cube: &Cube) {
+        let side = self.width.min(self.height) / 6;
+        let (left, top) = (self.width - side - 3 * self.size, 3 * self.size);
+        for y in 0..side {
+            for x in 0..side {
+                let [red, green, blue, share] = cube.pixel([x, y], side);
+                let Some(at) = (share > 0.0).then_some(4 * (left + x + self.width * (top + y))) else {
+                    continue;
+                };
+                for (c, level) in [red, green, blue, 255.0].into_iter().enumerate() {
+                    let behind = f64::from(self.rgba[at + c]);
+                    self.rgba[at + c] = (behind + share * (level - behind)).round() as u8;
+                }
+            }
+        }
     }
 
     /// A bar of at most a quarter of the width, with its length.
@@ -203,7 +243,9 @@ mod tests {
         let params = RenderParams { size: [64, 64], ..RenderParams::default() };
         let camera = Camera::new(&grid, &params, &Held::Volume);
         let blank = Image::new(64, 64, vec![9; 4 * 64 * 64]).unwrap();
-        let [with, without] = [true, false].map(|known| annotate(&blank, &camera, known));
+        let [with, without] = [true, false].map(|in_patient| {
+            annotate(blank.clone(), &camera, &Marks { annotate: true, in_patient, ..Marks::default() })
+        });
         let drawn = |image: &Image, rows: std::ops::Range<usize>| {
             image.rgba()[4 * 64 * rows.start..4 * 64 * rows.end].iter().any(|&c| c != 9)
         };
@@ -222,9 +264,12 @@ mod tests {
 
     #[test]
     fn a_bar_of_colours_has_room_for_its_ends_or_is_left_out() {
+        let grid = ivd_core::Grid::with_spacing([4; 3], [1.0; 3]).unwrap();
+        let camera = Camera::new(&grid, &RenderParams::default(), &Held::Volume);
         for (side, most) in [(48, 0.001), (50, 0.001), (64, 5.0), (120, 0.05), (512, 0.005), (512, 20.0)] {
             let blank = Image::new(side, side, vec![9; 4 * side * side]).unwrap();
-            let drawn = with_bar(&blank, &Bar { colour: &|_| [200, 0, 0], most });
+            let bar = Bar::of_length(|_| [200, 0, 0], most);
+            let drawn = annotate(blank, &camera, &Marks { bar: Some(&bar), ..Marks::default() });
             let red = drawn.rgba().chunks(4).filter(|pixel| pixel[0] == 200).count();
             let size = (side / 256).max(1);
             let ends = (2 * bar_length(most).1.len() - 1) * 6 * size;
@@ -235,7 +280,7 @@ mod tests {
 
     #[test]
     fn every_sign_of_the_lettering_has_a_glyph() {
-        for sign in "0125.RLAPSIme-".chars() {
+        for sign in "0123456789.RLAPSIme-".chars() {
             assert_ne!(font::glyph(sign), [0; 7], "{sign}");
         }
     }

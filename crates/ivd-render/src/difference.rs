@@ -1,6 +1,6 @@
 use ivd_core::Image;
 
-use crate::Error;
+use crate::{Error, pair};
 
 /// Where two pictures differ.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,13 +23,7 @@ const AMPLIFY: u16 = 8;
 /// # Errors
 /// [`Error::SizeMismatch`] where the sizes differ, [`Error::FramesMismatch`] where the numbers of frames do.
 pub fn difference(a: &Image, b: &Image) -> Result<Difference, Error> {
-    let size = [a.width(), a.height()];
-    if size != [b.width(), b.height()] {
-        return Err(Error::SizeMismatch { a: size, b: [b.width(), b.height()] });
-    }
-    if a.frames() != b.frames() {
-        return Err(Error::FramesMismatch { a: a.frames(), b: b.frames() });
-    }
+    pair::check(a, b)?;
     let greatest: Vec<u8> = a
         .rgba()
         .chunks_exact(4)
@@ -39,7 +33,7 @@ pub fn difference(a: &Image, b: &Image) -> Result<Difference, Error> {
     let count = greatest.len() as f64;
     let sum: u64 = greatest.iter().map(|&d| u64::from(d)).sum();
     let heat = greatest.iter().flat_map(|&d| heat(d)).collect();
-    let image = Image::of_frames(size, a.frames(), heat)?;
+    let image = Image::of_frames([a.width(), a.height()], a.frames(), heat)?;
     Ok(Difference {
         image,
         max: greatest.iter().copied().max().unwrap_or(0),

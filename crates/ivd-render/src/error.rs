@@ -16,6 +16,11 @@ pub enum Error {
         "pre-integrated pictures need a transfer function of the value alone, and this one goes by label or gradient; render without labels, by a table of values, or with classification post"
     )]
     NotByValue,
+    /// A legend of colours that don't go by value alone.
+    #[error(
+        "a legend tells colours by value, and this transfer function goes by label or gradient, or shows nothing; leave `legend` out, or make a table of values (axes = \"value\")"
+    )]
+    NoLegend,
     /// Shear-warp from among the slices.
     #[error(
         "mode shear-warp looks at slices from before them, and the eye lies among or behind them; look from further away, or use mode slices or dvr"
@@ -47,6 +52,7 @@ impl Classified for Error {
             Self::Core(error) => error.error_class(),
             Self::NoTransfer
             | Self::NotByValue
+            | Self::NoLegend
             | Self::EyeAmongSlices
             | Self::SizeMismatch { .. }
             | Self::FramesMismatch { .. } => ErrorClass::Usage,

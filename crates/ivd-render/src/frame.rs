@@ -1,4 +1,5 @@
 use ivd_core::{Exec, parallel};
+use rayon::prelude::*;
 
 use crate::camera::{Camera, Ray};
 use crate::cast::Cast;
@@ -27,6 +28,33 @@ pub struct Radiance {
     pub samples: u64,
     /// Samples passed over because their brick is empty.
     pub skipped: u64,
+}
+
+impl Radiance {
+    /// The mean light of blocks of so many pixels a side; sides are multiples of it.
+    pub(crate) fn averaged(self, side: usize) -> Self {
+        if side == 1 {
+            return self;
+        }
+        let bands = self.rgba.par_chunks_exact(self.width * side);
+        let rgba = bands.flat_map_iter(|band| means(band, self.width, side)).collect();
+        let width = self.width / side;
+        Self { width, height: self.height / side, rgba, ..self }
+    }
+}
+
+/// A row of pixels, each the mean of so many samples a side: from as many rows of samples.
+pub(crate) fn means(samples: &[[f32; 4]], width: usize, side: usize) -> Vec<[f32; 4]> {
+    let pixel = |x: usize| {
+        let mut sum = [0.0; 4];
+        for row in samples.chunks(width) {
+            for sample in &row[side * x..side * (x + 1)] {
+                sum = std::array::from_fn(|c| sum[c] + sample[c]);
+            }
+        }
+        sum.map(|c| c / (side * side) as f32)
+    };
+    (0..width / side).map(pixel).collect()
 }
 
 /// A part of the picture.

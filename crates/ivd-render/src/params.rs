@@ -59,6 +59,11 @@ pub enum Across {
 }
 
 impl Mode {
+    /// Whether colours are those of a transfer function.
+    pub(crate) fn is_coloured(self) -> bool {
+        self == Self::Dvr || self.is_by_slices()
+    }
+
     /// Whether emission and absorption are gathered by slices.
     pub(crate) fn is_by_slices(self) -> bool {
         matches!(self, Self::Slices { .. } | Self::ShearWarp { .. })
@@ -70,6 +75,9 @@ pub(crate) const MOST_ATTENUATION: f64 = 1000.0;
 
 /// Most slices.
 pub(crate) const MOST_SLICES: usize = 65536;
+
+/// Most rays along a side of a pixel.
+pub(crate) const MOST_ANTIALIAS: usize = 8;
 
 /// Most pictures of a turn.
 pub(crate) const MOST_FRAMES: usize = 720;
@@ -237,9 +245,19 @@ pub struct RenderParams {
     pub skip: bool,
     /// Whether a scale bar is drawn, and letters of orientation where the volume's file says that its axes are the patient's.
     pub annotate: bool,
+    /// Whether a cube at the top right shows the patient's axes, its sides lettered, where the volume's file says that they are those.
+    pub cube: bool,
+    /// Whether a bar at the bottom right tells what values the picture's greys or colours stand for; not in mode iso, nor where colours go by label or gradient.
+    pub legend: bool,
     /// Background, straight linear RGBA.
     #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
     pub background: [f64; 4],
+    /// Background at the picture's bottom, `background` being that at its top: between them colours change evenly to the eye. Without it all is `background`.
+    #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
+    pub background_bottom: Option<[f64; 4]>,
+    /// Rays along each side of a pixel, whose light is averaged: 2 or 3 take the stairs off edges, at 4 or 9 times the work.
+    #[schemars(range(min = 1, max = MOST_ANTIALIAS), extend("x-unit" = "1"))]
+    pub antialias: usize,
     /// Pictures of a full turn about the body's axis, from `view` on, all of one scale; 1 is a still picture. `.gif`, `.apng` and `.png` hold them as an animation.
     #[schemars(range(min = 1, max = MOST_FRAMES), extend("x-unit" = "1"))]
     pub turntable: usize,
@@ -276,7 +294,11 @@ impl Default for RenderParams {
             annotate: true,
             turntable: 1,
             keep_light: false,
+            cube: false,
+            legend: false,
             background: [0.0, 0.0, 0.0, 1.0],
+            background_bottom: None,
+            antialias: 1,
             picks: Vec::new(),
             clip: Vec::new(),
             clip_space: ClipSpace::Deformed,
@@ -307,6 +329,10 @@ impl RenderParams {
             }
             Mode::AttenuatedMip { attenuation } if !(0.0..=MOST_ATTENUATION).contains(&attenuation) => {
                 Err(ParamError::new("attenuation", format!("{attenuation}"), "give 0 … 1000"))
+            }
+            Mode::Iso { .. } if self.legend => {
+                let problem = "a surface has one colour, which stands for no values";
+                Err(ParamError::new("legend", problem, "use another mode, or leave it out"))
             }
             Mode::Mean if !self.picks.is_empty() => {
                 let problem = "a mean is of all samples of a ray, so that a pixel shows no place";
@@ -351,6 +377,15 @@ impl RenderParams {
             return Err(ParamError::new("view", problem, "give −90 … 90 degrees"));
         }
         let [width, height] = self.size;
+        let most = written::LONGEST / self.antialias.max(1);
+        if width.max(height) > most {
+            let problem = format!("{width} × {height} pixels of {0} × {0} rays", self.antialias);
+            return Err(ParamError::new(
+                "antialias",
+                problem,
+                format!("give sides of at most {most} pixels, or fewer rays"),
+            ));
+        }
         if let Some([x, y]) = self.picks.iter().find(|[x, y]| *x >= width || *y >= height) {
             let problem = format!("{x}, {y} in a picture of {width} × {height} pixels");
             return Err(ParamError::new(
@@ -398,5 +433,10 @@ mod tests {
         let view = View { target: Some([f64::NAN; 3]), ..View::default() };
         assert_eq!(bad(RenderParams { view, ..ok() }), "target");
         assert_eq!(bad(RenderParams { background: [0.0, 2.0, 0.0, 1.0], ..ok() }), "background.1");
+        let background_bottom = Some([0.0, 0.0, 0.0, -1.0]);
+        assert!(bad(RenderParams { background_bottom, ..ok() }).starts_with("background_bottom"));
+        assert_eq!(bad(RenderParams { antialias: 9, ..ok() }), "antialias");
+        assert_eq!(bad(RenderParams { antialias: 2, size: [20_000, 1], ..ok() }), "antialias");
+        assert_eq!(bad(RenderParams { mode: Mode::Iso { value: 1.0 }, legend: true, ..ok() }), "legend");
     }
 }

@@ -4,11 +4,13 @@ use ivd_core::{Exec, Grid, Image, Lattice};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
+use crate::annotate::Marks;
 use crate::camera::Camera;
 use crate::fit::Held;
-use crate::frame::Radiance;
+use crate::frame::{Radiance, means};
 use crate::light::Light;
-use crate::{Error, Projection, RenderParams, annotate, picture};
+use crate::picture::{self, Background};
+use crate::{Error, Projection, RenderParams, annotate};
 
 /// Samples along a pixel's edge.
 const FINE: usize = 3;
@@ -32,7 +34,7 @@ pub struct SurfaceStyle<'a> {
 }
 
 /// Draws a lattice: of `params` the size, the view, the background, the surface's colour, whether it is lit, and whether
-/// letters are drawn; `fit` isn't read, the box is what fits. What is hidden by other triangles isn't seen, and neither are its edges; both sides of a triangle
+/// letters and a cube are drawn; `fit` isn't read, the box is what fits. What is hidden by other triangles isn't seen, and neither are its edges; both sides of a triangle
 /// are. Nine samples a pixel; the same bytes for any number of threads. A lattice without triangles gives the background.
 ///
 /// # Errors
@@ -69,20 +71,16 @@ pub fn surface(
                 .enumerate()
                 .map(|(i, &t)| if t == NONE { [0.0; 4] } else { shade(first + i, t) })
                 .collect();
-            means(&samples, wide)
+            means(&samples, wide, FINE)
         });
         let rgba: Vec<[f32; 4]> = rows.collect::<Vec<_>>().concat();
         let [width, height] = params.size;
-        let image = picture::compose(
-            &Radiance { width, height, rgba, samples: 0, skipped: 0 },
-            params.background.map(|c| c as f32),
-        );
+        let light = Radiance { width, height, rgba, samples: 0, skipped: 0 };
+        let image = picture::compose(&light, &Background::of(params));
         let camera = Camera::new(&grid, params, &Held::Volume);
-        Ok(if params.annotate {
-            annotate::annotate(&image, &camera, lattice.grid().in_patient())
-        } else {
-            image
-        })
+        let RenderParams { annotate, cube, .. } = *params;
+        let marks = Marks { annotate, cube, in_patient: lattice.grid().in_patient(), bar: None };
+        Ok(annotate::annotate(image, &camera, &marks))
     })
 }
 
@@ -101,20 +99,6 @@ fn around([low, high]: [[f64; 3]; 2]) -> Result<Grid, Error> {
     let middle = std::array::from_fn(|a| 0.5 * (low[a] + high[a]));
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     Grid::new([1; 3], spacing, middle, axes).map_err(|e| Error::Core(e.into()))
-}
-
-/// Means of blocks of samples: a row of pixels.
-fn means(samples: &[[f32; 4]], width: usize) -> Vec<[f32; 4]> {
-    let pixel = |x: usize| {
-        let mut sum = [0.0; 4];
-        for row in samples.chunks(width) {
-            for sample in &row[FINE * x..FINE * (x + 1)] {
-                sum = std::array::from_fn(|c| sum[c] + sample[c]);
-            }
-        }
-        sum.map(|c| c / (FINE * FINE) as f32)
-    };
-    (0..width / FINE).map(pixel).collect()
 }
 
 /// A vertex on the picture.

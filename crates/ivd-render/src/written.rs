@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer};
 use crate::Side;
 
 /// Most pixels along a side of a picture, as the schema says below.
-const LONGEST: usize = 32768;
+pub(crate) const LONGEST: usize = 32768;
 
 /// What a view may be written as.
 #[derive(Deserialize, JsonSchema)]

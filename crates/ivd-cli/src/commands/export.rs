@@ -8,7 +8,7 @@ use ivd_io::Space;
 use ivd_io::volume::FieldDirection;
 use ivd_pipeline::resource::MemoryWatch;
 use ivd_pipeline::{
-    ExportOptions, FIELD_ENDINGS, Input, Metrics, Runner, ending, export_with, frame_file, map_frame,
+    Depth, ExportOptions, FIELD_ENDINGS, Input, Metrics, Runner, ending, export_with, frame_file, map_frame,
 };
 use serde_json::{Map, Value, json};
 
@@ -25,6 +25,7 @@ pub(super) struct Choice<'a> {
     pub(super) frame: Option<Frames>,
     pub(super) direction: Option<Direction>,
     pub(super) space: Option<MeshSpace>,
+    pub(super) depth: Option<Depth>,
 }
 
 /// `ivd export`.
@@ -34,7 +35,7 @@ pub(super) fn export(
     choice: &Choice,
     context: &Context,
 ) -> anyhow::Result<()> {
-    let Choice { level, lattice, frame, direction, space } = *choice;
+    let Choice { level, lattice, frame, direction, space, depth } = *choice;
     let memory = MemoryWatch::start();
     let mut input = volume_or_artefact(artefact, &context.stage_cache()?, context)?;
     if let Some(level) = level {
@@ -71,6 +72,15 @@ pub(super) fn export(
             format!("--space: a {kind} artefact's file has its own; lattices and motions have a choice");
         return Err(Failure::usage(problem));
     }
+    let is_picture =
+        matches!(*input.artefact, Artefact::Image(_)) && matches!(&*ending(output), "png" | "apng");
+    if depth.is_some() && !is_picture {
+        let kind = input.artefact.kind().name();
+        let problem =
+            format!("--depth: a {kind} artefact as .{} has none; an image as .png has", ending(output));
+        return Err(Failure::usage(problem));
+    }
+    let depth = depth.unwrap_or_default();
     let space = space.map(|space| match space {
         MeshSpace::Ras => Space::Ras,
         MeshSpace::Lps => Space::Lps,
@@ -89,10 +99,10 @@ pub(super) fn export(
             return Err(Failure::usage(format!("--lattice: a {kind} artefact isn't a lattice")));
         }
     };
-    let options = ExportOptions { lattice: moved, direction, space, frame: None };
+    let options = ExportOptions { lattice: moved, direction, space, frame: None, depth };
     if let Some(frame) = frame {
         let written = if let (Artefact::Image(image), None) = (&*input.artefact, lattice) {
-            pictures(image, &input, frame, output, context)?
+            pictures(image, &input, (frame, depth), output, context)?
         } else {
             frames(&input, moved_input.as_ref(), frame, output, &options, context)?
         };
@@ -122,13 +132,13 @@ fn print(
 fn pictures(
     image: &Image,
     input: &Input,
-    asked: Frames,
+    (asked, depth): (Frames, Depth),
     output: &Path,
     context: &Context,
 ) -> anyhow::Result<Vec<Value>> {
     let mut written = Vec::new();
     for (frame, path) in files(asked, image.frames(), output) {
-        let options = ExportOptions { frame: Some(frame), ..ExportOptions::default() };
+        let options = ExportOptions { frame: Some(frame), depth, ..ExportOptions::default() };
         let touched = export_with(&input.artefact, &path, &options, &context.exec)?;
         context.say(&format!("{}{}", path.display(), if touched { "" } else { ": unchanged" }));
         written.push(told(frame, &path, touched, None));

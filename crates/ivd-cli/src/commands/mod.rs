@@ -48,8 +48,9 @@ pub(crate) fn run(asked: Asked, context: &Context) -> anyhow::Result<()> {
             let params = volume::phantom_params(&name, size, noise, &voxel_type, seed, &contrast)?;
             volume::phantom(params, truth.as_deref(), &output.path, context)
         }
-        Command::Export { artefact, output, level, lattice, frame, direction, space } => {
-            let choice = export::Choice { level, lattice: lattice.as_deref(), frame, direction, space };
+        Command::Export { artefact, output, level, lattice, frame, direction, space, depth } => {
+            let lattice = lattice.as_deref();
+            let choice = export::Choice { level, lattice, frame, direction, space, depth };
             export::export(&artefact, &output, &choice, context)
         }
         Command::Info { file, series: Some(None), at, .. } if at.is_empty() => info::series(&file, context),

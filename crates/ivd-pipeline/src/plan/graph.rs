@@ -4,7 +4,7 @@ use ivd_core::op::{self, Place, PlaceKind, Want};
 
 use super::files::{Named, drawn, import, labelled, met, named};
 use crate::list::STAGES;
-use crate::scene::{Loaded, OF_FRAMES, PICTURES, Picture, SERIES, Scene};
+use crate::scene::{Loaded, OF_FRAMES, PICTURES, Picture, SERIES, SIDE_BY_SIDE, Scene, WIPE};
 use crate::stages::IMPORT;
 use crate::{Error, Section, Stage};
 
@@ -49,10 +49,12 @@ const UNASKED: &str = VOLUME.unread;
 /// What becomes of the volume, from the last of what may be made of it.
 const MADE_OF_VOLUME: &[&str] = &["result", "deformed", VOLUME.gives];
 /// Output files that are named otherwise than the value that they hold: the first of these that is made.
-const RENAMED: [(&str, &[&str]); 5] = [
+const RENAMED: [(&str, &[&str]); 7] = [
     ("volume", MADE_OF_VOLUME),
     (SERIES, MADE_OF_VOLUME),
     (PICTURES, &["after"]),
+    (SIDE_BY_SIDE, &["after"]),
+    (WIPE, &["after"]),
     ("lattice_deformed", &["motion"]),
     ("animation", &["motion"]),
 ];
@@ -307,12 +309,15 @@ impl Plan {
             }
             node.outputs.push(key);
             self.need(at, &format!("output.{key}"));
-            if MOVING.contains(&key) {
-                let lattice = self.giver("lattice");
-                let id = self.nodes[lattice].id;
-                self.nodes[at].beside.push(id);
-                self.need(lattice, &format!("output.{key}"));
-            }
+            let beside = match key {
+                _ if MOVING.contains(&key) => "lattice",
+                SIDE_BY_SIDE | WIPE => "before",
+                _ => continue,
+            };
+            let beside = self.giver(beside);
+            let id = self.nodes[beside].id;
+            self.nodes[at].beside.push(id);
+            self.need(beside, &format!("output.{key}"));
         }
         for picture in scene.pictures() {
             let at = self.giver(picture.name());

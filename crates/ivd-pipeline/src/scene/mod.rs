@@ -30,7 +30,7 @@ pub use sections::{
     Body, InputFiles, InputSection, Inside, MeshSpace, OutputSection, Over, Picture, RawSection,
     RulerSection, WindowSection,
 };
-pub(crate) use sections::{OF_FRAMES, PICTURES, REPORT, SERIES, picture_file};
+pub(crate) use sections::{OF_FRAMES, PICTURES, REPORT, SERIES, SIDE_BY_SIDE, WIPE, picture_file};
 pub(crate) use stage_sections::Written;
 use stage_sections::stage_sections;
 pub(crate) use targets::{Target, targets};
@@ -246,6 +246,8 @@ impl Scene {
                 "output.images \"after\" or \"difference\"",
                 self.output.images.iter().any(|p| *p != Picture::Before) && !result,
             ),
+            ("output.side_by_side", self.output.side_by_side.is_some() && !result),
+            ("output.wipe", self.output.wipe.is_some() && !result),
         ];
         let still = self.asked().is_none_or(|asked| asked.is_still());
         if let Some((name, _)) = moved.iter().find(|(_, wanted)| !deforms && *wanted) {
@@ -300,6 +302,13 @@ impl Scene {
 
     /// Frames are written to what holds frames, and asked for once.
     fn check_frames(&self) -> Result<(), String> {
+        let turns = || {
+            let params = self.section(&ivd_render::STAGE)?.job().params();
+            params.get("turntable").and_then(serde_json::Value::as_u64)
+        };
+        if self.output.wipe.is_some() && turns().is_some_and(|turns| turns > 1) {
+            return Err("output.wipe is of two pictures, and render.turntable asks for turns of them; leave one of the two out".to_owned());
+        }
         if let Some(path) = &self.output.animation
             && !["glb", "pvd"].contains(&&*ending(path))
         {

@@ -11,13 +11,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ivd_core::{Exec, Image, Kernel as _, Labels, NO_DATA, Scalar as _, Volume, with_voxels};
 
+use crate::annotate::{Bar, Marks};
 use crate::camera::Camera;
 use crate::classify::{Classifier, Steep};
 use crate::cut::HalfSpace;
 use crate::empty_space::Space;
 use crate::fit::Held;
 use crate::frame::Radiance;
+use crate::legend::Legend;
 use crate::light::Light;
+use crate::picture::Background;
 use crate::plan::{Casting, Grey, Plan, PlanLook, PlanWarp, Sight};
 use crate::preintegrated::Preintegrated;
 use crate::project::Bounds;
@@ -42,6 +45,8 @@ pub struct Prepared<'a> {
     optics: ModeState,
     space: Space,
     held: Held,
+    /// What the picture's greys or colours stand for, where that is asked for.
+    legend: Option<Legend>,
     /// Differs for every prepared scene.
     number: u64,
 }
@@ -99,6 +104,7 @@ impl<'a> Prepared<'a> {
                 optics: ModeState::Projection(Bounds::default()),
                 space: Space::full(Shape::new(grid.dims())),
                 held: Held::Volume,
+                legend: None,
                 number: NUMBERS.fetch_add(1, Ordering::Relaxed),
             };
             match params.mode {
@@ -112,6 +118,9 @@ impl<'a> Prepared<'a> {
                 prepared.held = Self::new(&held, params, exec)?.held;
             } else if params.turntable > 1 {
                 prepared.held = std::mem::replace(&mut prepared.held, Held::Volume).turned(params.turntable);
+            }
+            if params.legend {
+                prepared.legend = Some(prepared.legend()?);
             }
             Ok(prepared)
         })
@@ -133,6 +142,14 @@ impl<'a> Prepared<'a> {
         self.params.window.unwrap_or_else(|| self.range())
     }
 
+    /// What the greys or colours stand for.
+    fn legend(&self) -> Result<Legend, Error> {
+        match self.scene.transfer.filter(|_| self.params.mode.is_coloured()) {
+            None => Ok(Legend::of_greys(self.window())),
+            Some(transfer) => Legend::of_table(transfer).ok_or(Error::NoLegend),
+        }
+    }
+
     /// Least and greatest real value.
     fn range(&self) -> [f64; 2] {
         self.scene.windowed().range().unwrap_or([0.0; 2])
@@ -143,9 +160,11 @@ impl<'a> Prepared<'a> {
     /// # Errors
     /// As [`crate::render`].
     pub fn radiance(&self, view: View, exec: &Exec) -> Result<Radiance, Error> {
-        let params = RenderParams { view, ..self.params.clone() };
-        params.check()?;
-        exec.run(|| exec.launch::<Casting>(&Sight { prepared: self, params: &params }))
+        let rays = self.params.antialias;
+        let asked = RenderParams { view, ..self.params.clone() };
+        asked.check()?;
+        let params = RenderParams { size: asked.size.map(|side| rays * side), antialias: 1, ..asked };
+        exec.run(|| Ok(exec.launch::<Casting>(&Sight { prepared: self, params: &params })?.averaged(rays)))
     }
 
     /// Hands the plan of a view to somebody: for backends that are asked themselves rather than through an [`Exec`].
@@ -221,6 +240,12 @@ impl<'a> Prepared<'a> {
         })
     }
 
+    /// What is drawn over a picture.
+    fn marks<'m>(&self, bar: Option<&'m Bar<'m>>) -> Marks<'m> {
+        let RenderParams { annotate, cube, .. } = self.params;
+        Marks { annotate, cube, in_patient: self.scene.volume.grid().in_patient(), bar }
+    }
+
     /// The camera of a view: its rays are clipped unless samples are by where they were before.
     pub(crate) fn camera(&self, params: &RenderParams) -> Camera {
         let grid = self.scene.volume.grid();
@@ -283,13 +308,12 @@ impl<'a> Prepared<'a> {
         let params = &self.params;
         let params_of_view = RenderParams { view, ..params.clone() };
         let camera = self.camera(&params_of_view);
-        let mut image = picture::compose(&light, params.background.map(|c| c as f32));
+        let mut image = picture::compose(&light, &Background::of(params));
         if let Some(lattice) = self.scene.lattice {
             image = outline::outline(&image, lattice, &camera);
         }
-        if params.annotate {
-            image = annotate::annotate(&image, &camera, self.scene.volume.grid().in_patient());
-        }
+        let legend = self.legend.as_ref().map(Legend::bar);
+        image = annotate::annotate(image, &camera, &self.marks(legend.as_ref()));
         let Radiance { samples, skipped, rgba, .. } = light;
         if params.keep_light {
             image = image.with_light(rgba.into_flattened())?;

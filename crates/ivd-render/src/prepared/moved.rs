@@ -10,7 +10,7 @@ use crate::annotate::{self, Bar};
 use crate::camera::{Camera, Ray};
 use crate::cast::Field;
 use crate::pick::HALF;
-use crate::picture;
+use crate::picture::{self, Background};
 use crate::samples::Stored;
 use crate::scale::{BLUE_TO_RED, colour_at, rounded_up};
 use crate::wide::Pairs;
@@ -52,7 +52,7 @@ impl Prepared<'_> {
             let params = RenderParams { view: self.turned(view, frame), ..self.params.clone() };
             let came = exec.run(|| with_fast!(&self.voxels, slice => self.came(slice, &params, exec)))?;
             let light = self.radiance(params.view, exec)?;
-            let image = picture::compose(&light, params.background.map(|c| c as f32));
+            let image = picture::compose(&light, &Background::of(&params));
             frames.push((params, image, came));
         }
         let all = frames.iter().flat_map(|(.., came)| came).filter(|mm| mm.is_finite());
@@ -63,12 +63,9 @@ impl Prepared<'_> {
             let camera = self.camera(&params);
             let pixels = image.rgba().chunks_exact(4).zip(&came);
             let coloured = pixels.flat_map(|(pixel, mm)| coloured(pixel, mm / scale_mm as f32)).collect();
-            let mut image = Image::new(size[0], size[1], coloured)?;
-            if params.annotate {
-                image = annotate::annotate(&image, &camera, self.scene.volume.grid().in_patient());
-            }
-            let bar = Bar { colour: &|share| colour(2.0 * share - 1.0), most: scale_mm };
-            rgba.extend_from_slice(annotate::with_bar(&image, &bar).rgba());
+            let image = Image::new(size[0], size[1], coloured)?;
+            let bar = Bar::of_length(|share| colour(2.0 * share - 1.0), scale_mm);
+            rgba.extend_from_slice(annotate::annotate(image, &camera, &self.marks(Some(&bar))).rgba());
         }
         let image = Image::of_frames(size, turntable, rgba)?;
         Ok(Moved { image, out_mm: most, in_mm: 0.0 - least, scale_mm })

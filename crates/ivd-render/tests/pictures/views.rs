@@ -1,9 +1,9 @@
 //! Where pictures are seen from, and what they hold.
 
-use crate::pictures::common::{displacement, sampled};
+use crate::pictures::common::{displacement, hills, sampled};
 use ivd_core::{Displacement, Exec, Grid, TransferFunction, Volume, Voxels};
 use ivd_render::{
-    Classification, Fit, Mode, Projection, Radiance, RenderParams, Scene, Side, View, radiance,
+    Classification, Fit, Mode, Projection, Radiance, RenderParams, Scene, Side, View, radiance, render,
 };
 use nalgebra::Vector3;
 
@@ -245,4 +245,78 @@ fn a_frame_of_a_motion_is_seen_by_the_camera_of_the_last() {
         assert!(right.clone().any(|i| rest.rgba[i][3] > 0.0));
         assert!(right.into_iter().all(|i| half.rgba[i] == rest.rgba[i]), "{mode:?}");
     }
+}
+
+#[test]
+fn several_rays_a_pixel_give_their_mean_light() {
+    let volume = hills::<u8>();
+    let params = RenderParams { size: [40, 30], mode: Mode::Iso { value: 90.0 }, ..RenderParams::default() };
+    let fine = RenderParams { size: [120, 90], ..params.clone() };
+    let asked = RenderParams { antialias: 3, ..params };
+    let exec = Exec::default();
+    let [found, fine] = [&asked, &fine].map(|params| radiance(&Scene::new(&volume), params, &exec).unwrap());
+    assert_eq!([found.width, found.height, found.rgba.len()], [40, 30, 1200]);
+    assert_eq!(found.samples, fine.samples);
+    for (i, pixel) in found.rgba.iter().enumerate() {
+        let first = 3 * (i % 40) + 360 * (i / 40);
+        for (c, light) in pixel.iter().enumerate() {
+            let rays = (0..9).map(|ray| fine.rgba[first + ray % 3 + 120 * (ray / 3)][c]);
+            assert!((light - rays.sum::<f32>() / 9.0).abs() < 1e-6, "{i}");
+        }
+    }
+}
+
+#[test]
+fn several_rays_a_pixel_cover_what_a_ball_covers() {
+    // A distance, so that the surface is where its formula says.
+    let grid = Grid::with_spacing([40; 3], [1.0; 3]).unwrap();
+    let centre = nalgebra::Vector3::repeat(19.5);
+    let value = |i: usize| (12.0 - (grid.world(grid.index(i).into()).0 - centre).norm()) as f32;
+    let volume =
+        Volume::new(grid.clone(), Voxels::from((0..grid.len()).map(value).collect::<Vec<_>>())).unwrap();
+    let scene = Scene::new(&volume);
+    let mode = Mode::Iso { value: 0.0 };
+    let params =
+        RenderParams { size: [24; 2], mode, fit: Fit::Volume, view: View::FRONT, ..RenderParams::default() };
+    // The sphere round the volume fits across the picture.
+    let pixel = 40.0 * 3.0_f64.sqrt() / 24.0;
+    // How much of a pixel the ball's disc covers, by 100 × 100 places.
+    let covered = |x: usize, y: usize| {
+        let is_within = |i: usize| {
+            let at = |pixel: usize, part: usize| pixel as f64 + (part as f64 + 0.5) / 100.0 - 12.0;
+            pixel * at(x, i % 100).hypot(at(y, i / 100)) <= 12.0
+        };
+        (0..10_000).filter(|i| is_within(*i)).count() as f64 / 1e4
+    };
+    let off = |antialias: usize| {
+        let asked = RenderParams { antialias, ..params.clone() };
+        let found = radiance(&scene, &asked, &Exec::default()).unwrap();
+        (0..576).map(|i| (f64::from(found.rgba[i][3]) - covered(i % 24, i / 24)).abs()).fold(0.0, f64::max)
+    };
+    let [one, four] = [off(1), off(4)];
+    assert!(one > 0.25 && four < 0.05, "{one} {four}");
+}
+
+#[test]
+fn a_cube_and_a_legend_are_drawn_where_they_are_asked_for() {
+    let volume = hills::<u8>();
+    let params = RenderParams { size: [128; 2], mode: Mode::Mip, annotate: false, ..RenderParams::default() };
+    let drawn = |params: &RenderParams| render(&Scene::new(&volume), params, &Exec::default()).unwrap().image;
+    let plain = drawn(&params);
+    let changed = |image: &ivd_core::Image, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>| {
+        let differs = |&(x, y): &(usize, usize)| {
+            let at = 4 * (x + 128 * y);
+            image.rgba()[at..at + 4] != plain.rgba()[at..at + 4]
+        };
+        let all: Vec<(usize, usize)> = (0..128 * 128).map(|i| (i % 128, i / 128)).filter(differs).collect();
+        let inside = all.iter().filter(|(x, y)| columns.contains(x) && rows.contains(y)).count();
+        (inside, all.len() - inside)
+    };
+    let legend = drawn(&RenderParams { legend: true, ..params.clone() });
+    let (inside, outside) = changed(&legend, 64..128, 100..128);
+    assert!(inside > 100 && outside == 0, "{inside} {outside}");
+    let cube = drawn(&RenderParams { cube: true, ..params });
+    let (inside, outside) = changed(&cube, 100..128, 0..28);
+    let in_patient = volume.grid().in_patient();
+    assert!((inside > 100) == in_patient && outside == 0, "{inside} {outside}");
 }

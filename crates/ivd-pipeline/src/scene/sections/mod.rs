@@ -6,5 +6,5 @@ mod window;
 
 pub use input::{InputFiles, InputSection, RawSection};
 pub use output::{MeshSpace, OutputSection, Picture};
-pub(crate) use output::{OF_FRAMES, PICTURES, REPORT, SERIES, picture_file};
+pub(crate) use output::{OF_FRAMES, PICTURES, REPORT, SERIES, SIDE_BY_SIDE, WIPE, picture_file};
 pub use window::{Body, Inside, Over, RulerSection, WindowSection};

@@ -7,11 +7,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::ending;
 use crate::export::{FIELD_ENDINGS, VOLUME_ENDINGS};
+use crate::pictures::ANIMATION_ENDINGS;
 
 /// The output of what every frame of a motion makes of the volume.
 pub(crate) const SERIES: &str = "volume_series";
 /// The output of a picture of every frame of a motion.
 pub(crate) const PICTURES: &str = "picture_series";
+/// The output of the pictures before and after beside each other.
+pub(crate) const SIDE_BY_SIDE: &str = "side_by_side";
+/// The output of the picture after, wiped over that before.
+pub(crate) const WIPE: &str = "wipe";
 /// Outputs of every frame.
 pub(crate) const OF_FRAMES: [&str; 2] = [SERIES, PICTURES];
 /// Name of the report among the outputs, and its file.
@@ -93,6 +98,10 @@ pub struct OutputSection {
     /// The picture `after` of every frame, each mapped and certified, all by one camera: `name.png` is written as `name_0000.png` and so on, `name.exr` too; `.gif` and
     /// `.apng` hold all of them, as an animation.
     pub picture_series: Option<PathBuf>,
+    /// The pictures before and after beside each other: `.png`, `.apng` or `.gif`, animated where `render.turntable` asks for several.
+    pub side_by_side: Option<PathBuf>,
+    /// The picture after, wiped over that before and away again, as an animation: `.gif`, `.apng` or `.png`.
+    pub wipe: Option<PathBuf>,
     /// Axes of the lattices' files, ras or lps; each says its own. Where this is left out ply, obj and stl are in RAS, vtp in LPS; glb
     /// has the axes of its standard and takes no others.
     pub space: Option<MeshSpace>,
@@ -126,9 +135,11 @@ impl OutputSection {
             ("lattice", &self.lattice, "a lattice is", &meshes),
             ("lattice_extracted", &self.lattice_extracted, "a lattice is", &meshes),
             ("lattice_deformed", &self.lattice_deformed, "a lattice is", &moving),
+            (SIDE_BY_SIDE, &self.side_by_side, "pictures beside each other are", &ANIMATION_ENDINGS),
+            (WIPE, &self.wipe, "an animation is", &ANIMATION_ENDINGS),
         ] {
-            // Of all but the volume a description may be written.
-            let described = !["volume", SERIES].contains(&key);
+            // Of all but volumes and pictures a description may be written.
+            let described = !["volume", SERIES, SIDE_BY_SIDE, WIPE].contains(&key);
             let is_known = |ending: &str| endings.contains(&ending) || (described && ending == "json");
             let Some(path) = path.as_ref().filter(|path| !is_known(&ending(path))) else { continue };
             let (path, known) = (path.display(), endings.join(", ."));
@@ -147,6 +158,8 @@ impl OutputSection {
             ("animation", &self.animation),
             (SERIES, &self.volume_series),
             (PICTURES, &self.picture_series),
+            (SIDE_BY_SIDE, &self.side_by_side),
+            (WIPE, &self.wipe),
             ("displacement", &self.displacement),
             ("labels", &self.labels),
             ("labels_deformed", &self.labels_deformed),
