@@ -61,10 +61,16 @@ impl<T: Stored> Field<'_, T> {
 
     /// Whether a sample reaches a surface; `None` where there is no data.
     #[inline(always)]
-    fn reaches(&self, iso: f32, sign: f32, at: [f32; 3]) -> Option<bool> {
+    pub(crate) fn reaches(&self, iso: f32, sign: f32, at: [f32; 3]) -> Option<bool> {
+        self.value_there(at).map(|value| sign * value >= iso)
+    }
+
+    /// Value at a place that may have moved; `None` where there is no data.
+    #[inline(always)]
+    pub(crate) fn value_there(&self, at: [f32; 3]) -> Option<f32> {
         let moves = self.moves(self.space.brick(at));
         let place = self.before(at, moves).map(|before| self.samples.shape.place(before));
-        place.and_then(|place| self.value(&place)).map(|value| sign * value >= iso)
+        place.and_then(|place| self.value(&place))
     }
 
     /// World normal at a place of the deformed volume; `before` is where it was.
@@ -189,7 +195,7 @@ pub(crate) const HALVINGS: usize = 16;
 pub(crate) struct Hit {
     pub(crate) at: [f32; 3],
     /// Of a face that the picture is cut at: its normal.
-    cut: Option<[f32; 3]>,
+    pub(crate) cut: Option<[f32; 3]>,
 }
 
 /// First hit of the surface where `sign · value` reaches `iso`, refined by bisection; samples taken, and samples passed over.
@@ -226,7 +232,7 @@ pub(crate) fn first_place<T: Stored>(
 /// Where a surface lies whose first sample inside is `at`: between the sample before, or the cut that the ray begins at, and this one, unless there is none or it
 /// is no data. What was hidden before the deformation is data. With it the samples taken.
 #[inline(never)]
-fn refined<T: Stored>(
+pub(crate) fn refined<T: Stored>(
     field: &Field<'_, T>,
     iso: f32,
     sign: f32,

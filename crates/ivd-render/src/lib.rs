@@ -81,6 +81,7 @@ mod rendered;
 mod samples;
 pub mod scale;
 mod scene;
+mod shells;
 mod skip;
 mod stack;
 mod stage;
@@ -103,6 +104,7 @@ pub use pick::Pick;
 pub use prepared::{Moved, Prepared};
 pub use rendered::Rendered;
 pub use scene::Scene;
+pub use shells::Shell;
 pub use stage::{
     AttenuatedMipParams, Coloured, DISPLACEMENT, DifferenceFigures, DifferenceParams, DvrParams, FRAMING,
     Greys, IsoParams, LmipParams, MeanParams, MinipParams, MipParams, MovedFigures, MovedParams, Pair,

@@ -3,6 +3,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::cut::{Clip, ClipSpace};
+use crate::shells::{MOST_SHELLS, Shell};
 use crate::surroundings::Surroundings;
 use crate::written;
 
@@ -218,6 +219,9 @@ pub struct RenderParams {
     /// What of the surroundings takes light away, in modes dvr and iso; in scenes keys of these.
     #[serde(skip)]
     pub surroundings: Surroundings,
+    /// Surfaces about that of mode iso that are seen through; in scenes a key of it.
+    #[serde(skip)]
+    pub shells: Vec<Shell>,
     /// Values that modes mip, minip, mean, lmip and attenuated-mip draw black and white; without it the volume's range. In scenes a key of these.
     #[serde(skip)]
     pub window: Option<[f64; 2]>,
@@ -282,6 +286,7 @@ impl Default for RenderParams {
         Self {
             mode: Mode::Dvr,
             surroundings: Surroundings::default(),
+            shells: Vec::new(),
             window: None,
             size: [512; 2],
             view: View::default(),
@@ -361,9 +366,23 @@ impl RenderParams {
         }
     }
 
+    /// Checks the surfaces that are seen through.
+    fn check_shells(&self) -> Result<(), ParamError> {
+        if self.shells.len() > MOST_SHELLS {
+            let problem = format!("{} surfaces", self.shells.len());
+            return Err(ParamError::new("shells", problem, format!("give at most {MOST_SHELLS}")));
+        }
+        if !self.shells.is_empty() && self.surroundings.are_asked() {
+            let problem = "ambient occlusion and shadows are of surfaces that nothing is seen through";
+            return Err(ParamError::new("shells", problem, "leave ao and shadow out, or the shells"));
+        }
+        self.shells.iter().try_for_each(Shell::check)
+    }
+
     /// Checks what the schema of a field can't say.
     pub(crate) fn check_together(&self) -> Result<(), ParamError> {
         self.check_mode()?;
+        self.check_shells()?;
         // Both ends and their distance are numbers of 32 bits.
         let is_window = |[low, high]: &[f64; 2]| low < high && ((low.abs() + high.abs()) as f32).is_finite();
         if let Some([low, high]) = self.window.filter(|window| !is_window(window)) {

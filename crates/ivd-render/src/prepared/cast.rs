@@ -11,6 +11,7 @@ use crate::pick::{self, Pick, Seen};
 use crate::preintegrated::AtEnds;
 use crate::project::{Attenuated, Bounds, FirstPeak, Greatest, Mean};
 use crate::samples::{Samples, Shape, Stored};
+use crate::shells::{Layer, Layers, Shell};
 use crate::stack::{self, Looks};
 use crate::surroundings::{self, Around, Surrounded};
 use crate::warp::Warp;
@@ -101,12 +102,30 @@ impl Prepared<'_> {
                 }
                 _ => self.projected(&field, &Greatest, bounds, &camera, exec),
             },
+            ModeState::Iso(iso) if !params.shells.is_empty() => {
+                let layers = self.layers(*iso, params, &camera);
+                tiles(&camera, exec, |rays| one_by_one(rays, |ray| layers.cast(&field, ray)))
+            }
             ModeState::Iso(iso) => {
                 let colour = params.surface.map(|c| c as f32);
                 let wide = self.wide(exec);
                 tiles(&camera, exec, |rays| first_hit(wide, &field, *iso, sign, colour, rays))
             }
         }?)
+    }
+
+    /// The opaque surface, and those that are seen through.
+    fn layers<'l>(&'l self, iso: f32, params: &RenderParams, camera: &'l Camera) -> Layers<'l> {
+        let single = |colour: [f64; 3]| colour.map(|c| c as f32);
+        let opaque = Layer { iso, colour: single(params.surface), opacity: 1.0 };
+        let shell = |shell: &Shell| Layer {
+            iso: self.signed(shell.iso) as f32,
+            colour: single(shell.colour),
+            opacity: shell.opacity as f32,
+        };
+        let all = std::iter::once(opaque).chain(params.shells.iter().map(shell)).collect();
+        let (sign, termination) = (self.sign() as f32, params.termination as f32);
+        Layers { all, sign, termination, camera, grid: self.scene.volume.grid() }
     }
 
     /// What isn't cast in packets: slices, and what its surroundings take light from.

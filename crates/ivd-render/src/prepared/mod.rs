@@ -186,6 +186,9 @@ impl<'a> Prepared<'a> {
         if params.surroundings.are_asked() {
             return Err("ambient occlusion and shadows have no form for devices");
         }
+        if !params.shells.is_empty() {
+            return Err("surfaces that are seen through have no form for devices");
+        }
         let look = match &self.optics {
             ModeState::Dvr(classifier) => PlanLook::Classified {
                 table: classifier.table(),

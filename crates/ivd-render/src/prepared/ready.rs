@@ -33,7 +33,9 @@ impl Prepared<'_> {
     /// Finds the bricks that reach an isovalue.
     pub(super) fn split(&mut self, value: f64) {
         let iso = self.signed(value) as f32;
-        let empty: Vec<bool> = self.ranges().map(|range| self.bound(range, self.sign()) < iso).collect();
+        let shells = self.params.shells.iter().map(|shell| self.signed(shell.iso) as f32);
+        let least = shells.fold(iso, f32::min);
+        let empty: Vec<bool> = self.ranges().map(|range| self.bound(range, self.sign()) < least).collect();
         self.hold(&empty.iter().map(|empty| !empty).collect::<Vec<_>>());
         if self.params.skip {
             self.pass_over(empty);

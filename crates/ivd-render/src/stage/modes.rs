@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::params::MOST_ATTENUATION;
 use crate::plan::Casting;
-use crate::{Classification, Fit, Mode, Prepared, RenderParams, Scene, Surroundings};
+use crate::{Classification, Fit, Mode, Prepared, RenderParams, Scene, Shell, Surroundings};
 
 use super::{FRAMING, LABELS, MovedParams, Picked, Plain, RenderFigures, rate};
 
@@ -41,6 +41,8 @@ pub struct IsoParams {
     /// Isovalue of the surface.
     #[schemars(extend("x-unit" = "real units", "x-from" = "lattice.iso"))]
     pub iso: Option<f64>,
+    /// Isosurfaces about it that are seen through, as thin films are: the isovalue, the colour (linear RGB) and the opacity of each. Without ambient occlusion and shadows.
+    pub shells: Vec<Shell>,
     /// What takes light away.
     #[serde(flatten)]
     pub surroundings: Surroundings,
@@ -218,7 +220,7 @@ plain! {
     MipParams: |params: &Self| Ok(in_mode(Mode::Mip, params.greys, &params.picture)), |_: &Self| CLOSE, alone;
     IsoParams:
         Self::picture,
-        |params: &Self| if params.surroundings.are_asked() { &[] } else { CLOSE },
+        |params: &Self| if params.surroundings.are_asked() || !params.shells.is_empty() { &[] } else { CLOSE },
         |params: &Self| {
             let picture = params.picture.clone();
             let motion = MovedParams { iso: params.iso, picture, ..MovedParams::default() };
@@ -243,6 +245,7 @@ impl IsoParams {
     fn picture(&self) -> Result<RenderParams, ParamError> {
         let needed = || ParamError::new("iso", "mode iso needs it", "give an isovalue, a real value");
         let mode = Mode::Iso { value: self.iso.ok_or_else(needed)? };
-        Ok(RenderParams { mode, surroundings: self.surroundings, ..self.picture.clone() })
+        let (surroundings, shells) = (self.surroundings, self.shells.clone());
+        Ok(RenderParams { mode, surroundings, shells, ..self.picture.clone() })
     }
 }

@@ -12,6 +12,7 @@ mod moved;
 mod picks;
 mod preintegrated;
 mod projections;
+mod shells;
 mod stacks;
 mod surface;
 mod surroundings;
