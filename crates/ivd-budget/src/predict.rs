@@ -159,6 +159,7 @@ mod tests {
             moved: 1e3,
             reach: 1e5,
             pixels: 1e5,
+            rays: 1e5,
         };
         model
     }

@@ -44,6 +44,8 @@ pub struct Amounts {
     pub reach: f64,
     /// Pixels of a picture.
     pub pixels: f64,
+    /// Rays of a picture.
+    pub rays: f64,
 }
 
 impl Amounts {
@@ -69,11 +71,13 @@ impl Amounts {
     /// What the volume alone tells.
     pub fn of_volume(scene: &Scene, grid: &Grid) -> Self {
         let voxels = grid.len() as f64;
-        let RenderParams { size, .. } = scene.common(&ivd_render::STAGE).unwrap_or_default();
+        let RenderParams { size, antialias, .. } = scene.common(&ivd_render::STAGE).unwrap_or_default();
+        let pixels = (size[0] * size[1]) as f64;
         Self {
             voxels,
             edge: voxels.cbrt(),
-            pixels: (size[0] * size[1]) as f64,
+            pixels,
+            rays: pixels * (antialias * antialias) as f64,
             reach: scene.asked().map_or(0.0, |asked| reach_voxels(asked, grid)),
             ..Self::default()
         }
@@ -106,7 +110,7 @@ impl Amounts {
             Amount::TrianglesAsCut => ("triangles as cut", self.triangles),
             Amount::Triangles => ("triangles", self.refined),
             Amount::VerticesInReach => ("vertices in reach", self.moved),
-            Amount::Samples => ("pixels × voxels along an edge", self.pixels * self.edge),
+            Amount::Samples => ("pixels × voxels along an edge", self.rays * self.edge),
             Amount::Pixels => ("pixels", self.pixels),
         }
     }

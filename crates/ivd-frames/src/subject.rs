@@ -43,7 +43,8 @@ const BARE: &str = "schema = 1\n[output]\nimages = [\"before\"]\n";
 const FEW_DIGITS: usize = 9;
 
 /// What isn't shown.
-const PLAIN: &str = "drawn without ambient occlusion and shadows, which the scene keeps";
+const PLAIN: &str =
+    "drawn without ambient occlusion, shadows and surfaces that are seen through, which the scene keeps";
 
 /// What tells in pictures what is to be seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -87,7 +88,7 @@ pub struct Subject {
     pub said: Vec<String>,
     /// Whether that was chosen here: of a bare scan. A scene says it, or leaves it to be found.
     pub is_chosen: bool,
-    /// Whether the scene's pictures have light taken away by what is around, which those of a window haven't.
+    /// Whether the scene's pictures have light taken away by what is around, or surfaces that are seen through, which those of a window haven't.
     pub is_plain: bool,
     /// Whether its values are Hounsfield units, which tell what matter is.
     pub is_tomography: bool,
@@ -205,9 +206,9 @@ impl Subject {
         }
         let asks = |key| {
             let asked = scene.param(&ivd_render::STAGE, key);
-            asked.is_some_and(|value| value != json!(0) && value != json!(false))
+            asked.is_some_and(|value| ![json!(0), json!(false), json!([])].contains(&value))
         };
-        let is_plain = asks("ao") || asks("shadow");
+        let is_plain = ["ao", "shadow", "shells"].into_iter().any(asks);
         let mut subject = Self {
             made: Made::of(&scene, part.as_ref(), is_body),
             scene,
@@ -384,7 +385,7 @@ fn check(scene: &Scene) -> Result<(), Error> {
     Ok(())
 }
 
-/// How a scene's pictures are drawn, and with a transfer function the classes. What takes light away isn't: it takes seconds.
+/// How a scene's pictures are drawn, and with a transfer function the classes. What takes light away isn't, nor what is seen through: it takes seconds; and a window has marks of its own.
 fn drawn(scene: &Scene) -> Result<(RenderParams, Option<ivd_render::ClassLooks>), Error> {
     let stage = &ivd_render::STAGE;
     let coloured = scene.get::<DvrParams>(stage);
@@ -398,7 +399,14 @@ fn drawn(scene: &Scene) -> Result<(RenderParams, Option<ivd_render::ClassLooks>)
         .or_else(|| scene.get(stage).map(IsoParams::asked));
     let picture = asked.ok_or_else(|| none("render.mode"))?;
     let picture = picture.map_err(|problem| ivd_core::Error::from(problem.under(stage.name)))?;
-    let picture = RenderParams { surroundings: Surroundings::default(), ..picture };
+    let picture = RenderParams {
+        surroundings: Surroundings::default(),
+        shells: Vec::new(),
+        antialias: 1,
+        cube: false,
+        legend: false,
+        ..picture
+    };
     Ok((picture, coloured.map(|dvr| dvr.classes.clone())))
 }
 

@@ -53,6 +53,13 @@ pub enum Depth {
 /// A usage error for other endings, and for what the format can't hold.
 pub(crate) fn bytes(path: &Path, image: &Image, depth: Depth) -> Result<Vec<u8>, Error> {
     check_pictures(path, image.frames(), image.light().is_some())?;
+    if depth == Depth::Sixteen && !matches!(&*ending(path), "png" | "apng") {
+        let problem = format!(
+            "{}: levels of 16 bits are those of a .png; write one, or leave the depth out",
+            path.display()
+        );
+        return Err(Error::usage("export", problem));
+    }
     if depth == Depth::Sixteen && image.light().is_none() {
         let problem = format!(
             "{}: levels of 16 bits are of light, and none was kept: render with --keep-light",

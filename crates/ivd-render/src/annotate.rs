@@ -40,7 +40,7 @@ pub(crate) fn annotate(image: Image, camera: &Camera, marks: &Marks<'_>) -> Imag
         canvas.cube(&Cube::new(camera));
     }
     if let Some(bar) = marks.bar {
-        canvas.colour_bar(bar);
+        canvas.colour_bar(bar, marks.annotate);
     }
     canvas.into_image()
 }
@@ -157,14 +157,20 @@ impl Canvas {
     }
 
     /// A bar of colours as wide as a quarter of the picture, or as its ends over it need; none where there is no room.
-    fn colour_bar(&mut self, bar: &Bar<'_>) {
+    fn colour_bar(&mut self, bar: &Bar<'_>, beside_others: bool) {
         let (size, high) = (self.size, 4 * self.size);
         let [least, most] = &bar.ends;
         let letters = |text: &str| text.len() * (font::WIDTH + 1) * size;
         // Both ends have room, with a letter between them.
         let wide = (self.width / 4).max(letters(least) + letters(most) + letters(" "));
         let Some(x) = self.width.checked_sub(wide + 3 * size).filter(|x| *x > 0) else { return };
-        let y = self.height - high - 3 * size;
+        // Above the scale bar and the letter in the middle, where there is no room beside them.
+        let up = if beside_others && x < self.width / 2 + font::WIDTH * size {
+            (font::HEIGHT + 9) * size
+        } else {
+            0
+        };
+        let y = self.height - high - 3 * size - up;
         self.block(x - 1, y - 1, wide + 2, high + 2, 0);
         for dx in 0..wide {
             let colour = (bar.colour)((dx as f64 + 0.5) / wide as f64);

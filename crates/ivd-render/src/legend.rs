@@ -21,9 +21,9 @@ impl Legend {
         Self { colours: (0..=255).map(|level| [level; 3]).collect(), ends }
     }
 
-    /// The colours of a table from the first value that shows something to the last; `None` where the value alone doesn't tell them, or nothing shows.
+    /// The colours of a table's first row from the first value that shows something to the last; `None` where gradients tell them too, or nothing shows.
     pub(crate) fn of_table(transfer: &TransferFunction) -> Option<Self> {
-        if transfer.depends_on_label() || transfer.gradient().is_some() {
+        if transfer.gradient().is_some() {
             return None;
         }
         let [low, high] = transfer.range();
@@ -96,8 +96,5 @@ mod tests {
         let clear =
             TransferFunction::new([0.0, 1.0], 2, 1.0, vec![0], vec![red(0.0); 2], Vec::new()).unwrap();
         assert!(Legend::of_table(&clear).is_none());
-        let rows = vec![red(0.5), red(0.5), red(0.7), red(0.7)];
-        let by_label = TransferFunction::new([0.0, 1.0], 2, 1.0, vec![0, 1], rows, Vec::new()).unwrap();
-        assert!(Legend::of_table(&by_label).is_none());
     }
 }

@@ -251,7 +251,7 @@ pub struct RenderParams {
     pub annotate: bool,
     /// Whether a cube at the top right shows the patient's axes, its sides lettered, where the volume's file says that they are those.
     pub cube: bool,
-    /// Whether a bar at the bottom right tells what values the picture's greys or colours stand for; not in mode iso, nor where colours go by label or gradient.
+    /// Whether a bar at the bottom right tells what values the picture's greys or colours stand for; not in modes iso and attenuated-mip, nor where colours go by label or gradient.
     pub legend: bool,
     /// Background, straight linear RGBA.
     #[schemars(inner(range(min = 0.0, max = 1.0)), extend("x-unit" = "1"))]
@@ -335,6 +335,10 @@ impl RenderParams {
             Mode::AttenuatedMip { attenuation } if !(0.0..=MOST_ATTENUATION).contains(&attenuation) => {
                 Err(ParamError::new("attenuation", format!("{attenuation}"), "give 0 … 1000"))
             }
+            Mode::AttenuatedMip { .. } if self.legend => {
+                let problem = "greys tell how deep a value lies, too";
+                Err(ParamError::new("legend", problem, "use mode mip, or leave it out"))
+            }
             Mode::Iso { .. } if self.legend => {
                 let problem = "a surface has one colour, which stands for no values";
                 Err(ParamError::new("legend", problem, "use another mode, or leave it out"))
@@ -376,7 +380,10 @@ impl RenderParams {
             let problem = "ambient occlusion and shadows are of surfaces that nothing is seen through";
             return Err(ParamError::new("shells", problem, "leave ao and shadow out, or the shells"));
         }
-        self.shells.iter().try_for_each(Shell::check)
+        let check = |(i, shell): (usize, &Shell)| {
+            ivd_core::op::check_fields(shell).map_err(|problem| problem.under(&format!("shells.{i}")))
+        };
+        self.shells.iter().enumerate().try_for_each(check)
     }
 
     /// Checks what the schema of a field can't say.

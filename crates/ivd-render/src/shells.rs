@@ -1,6 +1,8 @@
 //! Isosurfaces that are seen through, about the opaque one of mode iso.
 
-use ivd_core::{Grid, ParamError, VoxelCoord};
+use std::ops::ControlFlow;
+
+use ivd_core::{Grid, VoxelCoord};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -33,17 +35,6 @@ impl Default for Shell {
     }
 }
 
-impl Shell {
-    /// Checks that it says where it lies.
-    pub(crate) fn check(&self) -> Result<(), ParamError> {
-        if self.iso.is_finite() {
-            return Ok(());
-        }
-        let remedy = "give a finite isovalue, as iso, for each of them";
-        Err(ParamError::new("shells", format!("a surface at {}", self.iso), remedy))
-    }
-}
-
 /// A surface as rays meet it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Layer {
@@ -66,6 +57,14 @@ pub(crate) struct Layers<'a> {
 /// Which layers a sample lies within, one bit each.
 type Within = u32;
 
+/// What a ray has come to.
+#[derive(Default)]
+struct Walked {
+    cast: Cast,
+    /// The last sample, and what it lay within; `None` where there is no data.
+    last: Option<(usize, Option<Within>)>,
+}
+
 /// Where a ray passes through a layer.
 struct Passage {
     layer: usize,
@@ -77,42 +76,61 @@ struct Passage {
 impl Layers<'_> {
     /// The light of a ray through all of them: every passage, in and out, from the nearest on.
     pub(crate) fn cast<T: Stored>(&self, field: &Field<'_, T>, ray: &Ray) -> Cast {
-        use std::ops::ControlFlow;
-
-        let mut cast = Cast::default();
-        // The last sample, and what it lay within; `None` beyond the ray and where there is no data.
-        let mut last: Option<(usize, Option<Within>)> = None;
-        let mut step = |cast: &mut Cast, i: usize, at: [f32; 3]| {
-            cast.taken += 1;
-            let now = self.within(field, at);
-            let before = match last {
-                Some((j, within)) if j + 1 == i => within,
-                // What was passed over lies within nothing.
-                _ if i > 0 => Some(0),
-                _ => None,
-            };
-            last = Some((i, now));
-            if before != now {
-                for passage in self.passages(field, ray, (i, at), (before, now), &mut cast.taken) {
-                    self.pass(field, &passage, &mut cast.rgba);
-                }
-            }
-            cast.rgba[3] >= self.termination
-        };
+        let mut walked = Walked::default();
         let mut ended = false;
         let skipped = field.space.walk(ray, |_, range| {
+            self.leave(field, ray, &mut walked, range.start);
             for i in range {
-                if step(&mut cast, i, ray.at(i)) {
+                if self.step(field, ray, &mut walked, i, ray.at(i)) {
                     ended = true;
                     return ControlFlow::Break(());
                 }
             }
             ControlFlow::Continue(())
         });
-        if !ended && ray.rest > 0.0 {
-            step(&mut cast, ray.steps, ray.rest_at);
+        if !ended {
+            self.leave(field, ray, &mut walked, ray.steps);
+            if ray.rest > 0.0 {
+                self.step(field, ray, &mut walked, ray.steps, ray.rest_at);
+            }
         }
-        Cast { skipped, ..cast }
+        Cast { skipped, ..walked.cast }
+    }
+
+    /// Takes a sample, and what lies between it and the one before; whether the ray ends.
+    fn step<T: Stored>(
+        &self,
+        field: &Field<'_, T>,
+        ray: &Ray,
+        walked: &mut Walked,
+        i: usize,
+        at: [f32; 3],
+    ) -> bool {
+        walked.cast.taken += 1;
+        let now = self.within(field, at);
+        let before = match walked.last {
+            Some((j, within)) if j + 1 == i => within,
+            // What was passed over lies within nothing.
+            _ if i > 0 => Some(0),
+            _ => None,
+        };
+        walked.last = Some((i, now));
+        if before != now {
+            for passage in self.passages(field, ray, (i, at), (before, now), &mut walked.cast.taken) {
+                self.pass(field, &passage, &mut walked.cast.rgba);
+            }
+        }
+        walked.cast.rgba[3] >= self.termination
+    }
+
+    /// Where samples before `next` are passed over, the ray leaves what the last one that was taken lies within.
+    fn leave<T: Stored>(&self, field: &Field<'_, T>, ray: &Ray, walked: &mut Walked, next: usize) {
+        if let Some((j, Some(within))) = walked.last
+            && within != 0
+            && j + 1 < next
+        {
+            self.step(field, ray, walked, j + 1, ray.at(j + 1));
+        }
     }
 
     fn within<T: Stored>(&self, field: &Field<'_, T>, at: [f32; 3]) -> Option<Within> {

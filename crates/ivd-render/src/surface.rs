@@ -46,6 +46,8 @@ pub fn surface(
     params: &RenderParams,
     exec: &Exec,
 ) -> Result<Image, Error> {
+    // What only volumes have isn't read.
+    let params = &RenderParams { antialias: 1, legend: false, shells: Vec::new(), ..params.clone() };
     params.check()?;
     let grid = match look.frame.or_else(|| extent(lattice)) {
         Some(frame) => around(frame)?,

@@ -133,7 +133,7 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
         };
         let force = model.force();
         band.act(&force);
-        let moved = weight.is_none() || (whole && sweeps <= 3 * BETWEEN);
+        let moved = weight.is_none() || (whole && tilt.is_none() && sweeps <= 3 * BETWEEN);
         if moved {
             let now = weight_of(&band, &force, &sides, level, params)?;
             if weight.is_none_or(|before| (now / before - 1.0).abs() > 0.05) {

@@ -217,7 +217,9 @@ impl Mixture {
         if self.is_dark || (self.noise == Noise::Rician && first < 0.0) {
             (first, slope) = (0.0, sy / ss);
         }
-        slope = slope.max(0.0);
+        if slope < 0.0 {
+            (first, slope) = (y / n, 0.0);
+        }
         let next = Self { values: [first, first + slope], ..self.clone() };
         let rest = moment(&|s| next.value(s) * (next.value(s) * counts[s] - 2.0 * sums[s]));
         let dimensions = if self.noise == Noise::Rician { 2.0 } else { 1.0 };

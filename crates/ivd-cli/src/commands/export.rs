@@ -76,8 +76,10 @@ pub(super) fn export(
         matches!(*input.artefact, Artefact::Image(_)) && matches!(&*ending(output), "png" | "apng");
     if depth.is_some() && !is_picture {
         let kind = input.artefact.kind().name();
-        let problem =
-            format!("--depth: a {kind} artefact as .{} has none; an image as .png has", ending(output));
+        let problem = format!(
+            "--depth: it is of an image written as .png, not of the kind {kind} as .{}; leave it out, or name a .png",
+            ending(output)
+        );
         return Err(Failure::usage(problem));
     }
     let depth = depth.unwrap_or_default();

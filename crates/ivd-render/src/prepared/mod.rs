@@ -146,7 +146,10 @@ impl<'a> Prepared<'a> {
     fn legend(&self) -> Result<Legend, Error> {
         match self.scene.transfer.filter(|_| self.params.mode.is_coloured()) {
             None => Ok(Legend::of_greys(self.window())),
-            Some(transfer) => Legend::of_table(transfer).ok_or(Error::NoLegend),
+            Some(transfer) => {
+                let by_label = self.scene.labels.is_some() && transfer.depends_on_label();
+                Legend::of_table(transfer).filter(|_| !by_label).ok_or(Error::NoLegend)
+            }
         }
     }
 
@@ -170,11 +173,14 @@ impl<'a> Prepared<'a> {
     /// Hands the plan of a view to somebody: for backends that are asked themselves rather than through an [`Exec`].
     ///
     /// # Errors
-    /// As [`crate::render`]; [`ivd_core::Error::Device`] where there is no plan of such a picture.
+    /// As [`crate::render`]; [`ivd_core::Error::Device`] where there is no plan of such a picture, as of several rays a pixel.
     pub fn with_plan<R>(&self, view: View, take: impl FnOnce(&Plan<'_>) -> R) -> Result<R, Error> {
         let params = RenderParams { view, ..self.params.clone() };
         params.check()?;
         let no_plan = |why: &str| ivd_core::Error::Device { kernel: Casting::NAME, problem: why.to_owned() };
+        if params.antialias > 1 {
+            return Err(no_plan("a plan is of one ray a pixel; ask for the light of a view").into());
+        }
         Ok(take(&self.plan(&params).map_err(no_plan)?))
     }
 

@@ -62,12 +62,13 @@ impl MovedFigures {
 impl MovedParams {
     fn asked(&self) -> RenderParams {
         let mode = self.iso.map_or(Mode::Dvr, |value| Mode::Iso { value });
-        RenderParams { mode, ..self.picture.clone() }
+        // It has a bar of its own.
+        RenderParams { mode, legend: false, ..self.picture.clone() }
     }
 }
 
 impl Op for MovedParams {
-    const REVISION: u32 = 100 * REVISION + 1;
+    const REVISION: u32 = 100 * REVISION + 2;
     const REMARK: Option<Remark<MovedFigures>> = Some(MovedFigures::remark);
     type Inputs<'a> = Coloured<'a>;
     type Gives = (Image, MovedFigures);

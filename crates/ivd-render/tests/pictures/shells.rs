@@ -115,6 +115,26 @@ fn skipping_and_threads_change_no_bit_of_films() {
 }
 
 #[test]
+fn a_ray_leaves_a_film_that_ends_where_nothing_is_behind_it() {
+    // A slab that ends in every phase of a brick, with nothing in the bricks behind.
+    let grid = Grid::with_spacing([40, 6, 6], [1.0; 3]).unwrap();
+    for end in 8..24 {
+        let value = |i: usize| if (5..=end).contains(&grid.index(i).0[0]) { 1000_u16 } else { 0 };
+        let volume =
+            Volume::new(grid.clone(), Voxels::from((0..grid.len()).map(value).collect::<Vec<_>>())).unwrap();
+        for [azimuth, step] in [[90.0, 0.5], [270.0, 0.5], [90.0, 0.9], [270.0, 1.3]] {
+            let view = View { angles: [azimuth, 0.0], ..View::FRONT };
+            let asked = RenderParams { view, step, ..params(2000.0, &[shell(50.0, 0.25)]) };
+            let plain = RenderParams { skip: false, ..asked.clone() };
+            let [found, plain] = [asked, plain].map(|params| seen(&volume, &params));
+            assert!((plain.rgba[32 + 65 * 32][3] - 0.4375).abs() < 1e-3, "{end}");
+            assert!(found.rgba == plain.rgba, "{end} {azimuth} {step}");
+            assert!(found.skipped > 0);
+        }
+    }
+}
+
+#[test]
 fn films_that_cannot_be_are_refused() {
     let volume = ball(6.0);
     let refused = |params: RenderParams| {
@@ -122,6 +142,15 @@ fn films_that_cannot_be_are_refused() {
     };
     assert!(refused(params(0.0, &[Shell::default()])).contains("shells"));
     assert!(refused(params(0.0, &[shell(1.0, 0.1); 9])).contains("at most 8"));
+    for (film, field) in [
+        (shell(1.0, 1.5), "shells.1.opacity"),
+        (shell(1.0, f64::NAN), "shells.1.opacity"),
+        (shell(f64::INFINITY, 0.5), "shells.1.iso"),
+        (Shell { colour: [0.0, -1.0, 0.0], ..shell(1.0, 0.5) }, "shells.1.colour"),
+    ] {
+        let told = refused(params(0.0, &[shell(1.0, 0.1), film]));
+        assert!(told.contains(field), "{told}");
+    }
     let mut shaded = params(0.0, &[shell(1.0, 0.1)]);
     shaded.surroundings.ao = 4;
     assert!(refused(shaded).contains("leave ao and shadow out"));

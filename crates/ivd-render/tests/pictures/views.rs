@@ -294,7 +294,7 @@ fn several_rays_a_pixel_cover_what_a_ball_covers() {
         (0..576).map(|i| (f64::from(found.rgba[i][3]) - covered(i % 24, i / 24)).abs()).fold(0.0, f64::max)
     };
     let [one, four] = [off(1), off(4)];
-    assert!(one > 0.25 && four < 0.05, "{one} {four}");
+    assert!(one > 0.25 && four < 0.02, "{one} {four}");
 }
 
 #[test]
@@ -315,8 +315,12 @@ fn a_cube_and_a_legend_are_drawn_where_they_are_asked_for() {
     let legend = drawn(&RenderParams { legend: true, ..params.clone() });
     let (inside, outside) = changed(&legend, 64..128, 100..128);
     assert!(inside > 100 && outside == 0, "{inside} {outside}");
-    let cube = drawn(&RenderParams { cube: true, ..params });
+    let params = RenderParams { cube: true, ..params };
+    let cube = drawn(&params);
     let (inside, outside) = changed(&cube, 100..128, 0..28);
-    let in_patient = volume.grid().in_patient();
-    assert!((inside > 100) == in_patient && outside == 0, "{inside} {outside}");
+    assert!(inside > 100 && outside == 0, "{inside} {outside}");
+    // Where nobody knows how the patient lies there is none.
+    let grid = volume.grid().clone().with_patient_space(false);
+    let unknown = Volume::new(grid, volume.voxels().clone()).unwrap();
+    assert_eq!(render(&Scene::new(&unknown), &params, &Exec::default()).unwrap().image, plain);
 }
