@@ -187,13 +187,11 @@ impl Canvas {
         let (left, top) = (self.width - side - 3 * self.size, 3 * self.size);
         for y in 0..side {
             for x in 0..side {
-                let [red, green, blue, share] = cube.pixel([x, y], side);
-                let Some(at) = (share > 0.0).then_some(4 * (left + x + self.width * (top + y))) else {
-                    continue;
-                };
-                for (c, level) in [red, green, blue, 255.0].into_iter().enumerate() {
-                    let behind = f64::from(self.rgba[at + c]);
-                    self.rgba[at + c] = (behind + share * (level - behind)).round() as u8;
+                let [level, share] = cube.pixel([x, y], side);
+                let at = 4 * (left + x + self.width * (top + y));
+                for (shown, level) in self.rgba[at..at + 4].iter_mut().zip([level, level, level, 255.0]) {
+                    let behind = f64::from(*shown);
+                    *shown = (behind + share * (level - behind)).round() as u8;
                 }
             }
         }

@@ -55,8 +55,8 @@ impl Cube {
         Self { faces: (0..6).filter_map(|side| face(side / 2, side % 2 == 1)).collect() }
     }
 
-    /// Levels of red, green and blue (0…255) of a pixel of a square picture with so many a side, and how much of it the cube covers.
-    pub(crate) fn pixel(&self, [x, y]: [usize; 2], side: usize) -> [f64; 4] {
+    /// The grey level (0…255) of a pixel of a square picture with so many a side, and how much of it the cube covers.
+    pub(crate) fn pixel(&self, [x, y]: [usize; 2], side: usize) -> [f64; 2] {
         let (mut sum, mut met) = (0.0, 0_usize);
         for sample in 0..FINE * FINE {
             let share = |pixel: usize, part: usize| {
@@ -68,8 +68,7 @@ impl Cube {
                 met += 1;
             }
         }
-        let level = sum / met.max(1) as f64;
-        [level, level, level, met as f64 / (FINE * FINE) as f64]
+        [sum / met.max(1) as f64, met as f64 / (FINE * FINE) as f64]
     }
 }
 
@@ -135,7 +134,7 @@ mod tests {
         let area = |face: &Face| (face.right[0] * face.up[1] - face.right[1] * face.up[0]).abs();
         let expected: f64 = cube.faces.iter().map(area).sum();
         let side = 100;
-        let covered: f64 = (0..side * side).map(|i| cube.pixel([i % side, i / side], side)[3]).sum::<f64>()
+        let covered: f64 = (0..side * side).map(|i| cube.pixel([i % side, i / side], side)[1]).sum::<f64>()
             / (side * side) as f64;
         assert!((covered - expected).abs() < 2e-3, "{covered} {expected}");
     }

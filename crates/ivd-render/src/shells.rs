@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Ray};
-use crate::cast::{Cast, Field, HALVINGS, refined};
+use crate::cast::{Cast, Field, HALVINGS, halved, refined};
 use crate::samples::Stored;
 
 /// Most surfaces that are seen through.
@@ -157,14 +157,9 @@ impl Layers<'_> {
                 *taken += more;
                 return Passage { layer, at: hit.at, cut: hit.cut };
             }
-            let (mut inside, mut outside) = (if i > 0 { ray.at(i - 1) } else { at }, at);
-            for _ in 0..HALVINGS {
-                let middle = std::array::from_fn(|a| 0.5 * (inside[a] + outside[a]));
-                let is_inside = field.reaches(iso, self.sign, middle) == Some(true);
-                if is_inside { inside = middle } else { outside = middle }
-            }
             *taken += HALVINGS;
-            Passage { layer, at: inside, cut: None }
+            let inside = if i > 0 { ray.at(i - 1) } else { at };
+            Passage { layer, at: halved(field, iso, self.sign, [at, inside]), cut: None }
         };
         let mut found: Vec<Passage> =
             (0..self.all.len()).filter(|layer| changed >> layer & 1 == 1).map(passage).collect();

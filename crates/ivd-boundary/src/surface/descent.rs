@@ -168,8 +168,9 @@ pub(super) fn descend(level: &Level, mut band: Band, settings: &Settings) -> Res
             stalled = 0;
             // What is best so far is what others have to be better than, by the new costs too.
             energies = vec![tilted.cost(&sides.inside, &sides.outside) + mu * sides.area];
-            band.act(&tilted.force());
-            kept = Some((sides, tilted.force()));
+            let force = tilted.force();
+            band.act(&force);
+            kept = Some((sides, force));
         }
         for _ in 0..BETWEEN.min(params.sweeps - sweeps) {
             band.sweep(steps, exec)?;

@@ -267,6 +267,8 @@ impl Mixture {
 
 #[cfg(test)]
 mod tests {
+    use ivd_core::noise;
+
     use super::*;
 
     fn histogram(mixture: &Mixture) -> Vec<f64> {
@@ -313,24 +315,19 @@ mod tests {
     }
 
     /// Two values, a tenth of the voxels between them, with noise that is drawn, by what the histogram of a volume would be.
-    fn drawn(noise: Noise, values: [f64; 2], deviation: f64) -> Vec<f64> {
-        let mut state = 1_u64;
-        let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            ((state >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
-        };
+    fn drawn(of: Noise, values: [f64; 2], deviation: f64) -> Vec<f64> {
         let mut bins = vec![0.0; BINS];
         for i in 0..300_000 {
+            let [u, v, part] = [0, 1, 2].map(|seed| noise::unit(seed, i).max(1e-300));
             let share = match i % 10 {
                 0..=5 => 0.0,
                 6..=8 => 1.0,
-                _ => uniform(),
+                _ => part,
             };
             let value = values[0] + share * (values[1] - values[0]);
-            let (length, angle) =
-                ((-2.0 * uniform().ln()).sqrt() * deviation, std::f64::consts::TAU * uniform());
+            let (length, angle) = ((-2.0 * u.ln()).sqrt() * deviation, std::f64::consts::TAU * v);
             let along = value + length * angle.cos();
-            let seen = if noise == Noise::Rician { along.hypot(length * angle.sin()) } else { along };
+            let seen = if of == Noise::Rician { along.hypot(length * angle.sin()) } else { along };
             bins[((seen * BINS as f64) as usize).min(BINS - 1)] += 1.0;
         }
         bins

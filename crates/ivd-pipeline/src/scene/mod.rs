@@ -18,6 +18,7 @@ use ivd_field::clip::{SceneClip, Whose};
 use ivd_field::combine::SceneCombine;
 use ivd_map::space::SpaceParams;
 use ivd_motion::deform::Asked;
+use ivd_render::RenderParams;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json};
@@ -302,11 +303,8 @@ impl Scene {
 
     /// Frames are written to what holds frames, and asked for once.
     fn check_frames(&self) -> Result<(), String> {
-        let turns = || {
-            let params = self.section(&ivd_render::STAGE)?.job().params();
-            params.get("turntable").and_then(serde_json::Value::as_u64)
-        };
-        if self.output.wipe.is_some() && turns().is_some_and(|turns| turns > 1) {
+        let RenderParams { turntable, keep_light, .. } = self.common(&ivd_render::STAGE).unwrap_or_default();
+        if self.output.wipe.is_some() && turntable > 1 {
             return Err("output.wipe is of two pictures, and render.turntable asks for turns of them; leave one of the two out".to_owned());
         }
         if let Some(path) = &self.output.animation
@@ -320,12 +318,9 @@ impl Scene {
         let frame =
             self.section(&ivd_map::STAGE).and_then(|section| section.job().params().get("frame").cloned());
         if let Some(path) = self.output.picture_series.as_deref() {
-            let pictures = self.section(&ivd_render::STAGE).map(|section| section.job().params());
-            let keeps = |key: &str| pictures.as_ref().and_then(|params| params.get(key)).cloned();
-            let has_light = keeps("keep_light").and_then(|keeps| keeps.as_bool()).unwrap_or(false);
-            let turns = keeps("turntable").and_then(|turns| turns.as_u64()).unwrap_or(1) as usize;
-            check_pictures(path, turns, has_light).map_err(|error| format!("output.{PICTURES}: {error}"))?;
-            if is_animation(path) && turns > 1 {
+            check_pictures(path, turntable, keep_light)
+                .map_err(|error| format!("output.{PICTURES}: {error}"))?;
+            if is_animation(path) && turntable > 1 {
                 return Err(format!(
                     "output.{PICTURES} = {}: an animation of turntables; write .png, or leave render.turntable out",
                     path.display()
